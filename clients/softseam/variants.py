@@ -73,8 +73,14 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
     except SceneError as error:
         hint = f"; did you mean {error.nearest!r}?" if error.nearest else ""
         allowed = f" (allowed: {error.allowed})" if error.allowed else ""
-        changed = " ".join(f"--set {setting}" for setting in settings)
+        about = [setting for setting in settings if _touches(setting.partition("=")[0].strip(), error.key)]
+        changed = " ".join(f"--set {setting}" for setting in about or settings)
         raise SceneRefused(f"{changed}: {error.key}: {error.problem}{hint}{allowed}") from None
+
+
+def _touches(path: str, key: str) -> bool:
+    """Whether a setting of `path` changes what a key of the scene says: one of them is within the other."""
+    return f"{path}.".startswith(f"{key}.") or f"{key}.".startswith(f"{path}.")
 
 
 def _assign(document: dict[str, Any], keys: list[str], value: Any, setting: str) -> None:

@@ -22,10 +22,10 @@ STEPS = 16
 def speed(pieces: int, cells: int, threads: int, device: Literal["cpu", "cuda"]) -> tuple[float, float, int]:
     """Actions a second while pieces are held, time to begin one anew [us], and nodes of each."""
     batch = Batch(scene(cells), pieces, STEP, SUBSTEPS, threads, device)
-    began = time.perf_counter()
+    clock, spent = time.perf_counter if device == "cuda" else time.process_time, []
+    began = clock()
     batch.put(np.arange(pieces), drawn(batch))
-    anew, clock = time.perf_counter() - began, time.perf_counter if device == "cuda" else time.process_time
-    spent = []
+    anew = clock() - began
     for number in range(STEPS):
         way = np.repeat(STEP * velocity(number)[None], pieces, axis=0)
         began = clock()

@@ -10,10 +10,11 @@ import os
 import signal
 import threading
 import time
+import zipfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
-from io import StringIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any
 
@@ -208,6 +209,7 @@ def test_an_interrupted_training_is_kept(tmp_path: Path, monkeypatch: pytest.Mon
     [
         (lambda document: document | {"task": "TofuThrow"}, "no task is called 'TofuThrow'"),
         (lambda document: document | {"version": 99}, "a policy of version 99"),
+        (lambda document: document | {"algorithm": "td3"}, r"nothing learns by 'td3' \(ppo or sac\)"),
         (lambda document: document | {"softseam_training": 2}, "another version of softseam"),
         (lambda document: {"softseam_training": 1}, "is corrupt"),
         (lambda document: document | {"checks": [{"steps": 5, "xpbd": [], "fem": []}]}, "is corrupt"),
@@ -231,6 +233,45 @@ def test_a_policy_that_is_cut_short_or_missing_is_refused(tmp_path: Path) -> Non
     (tmp_path / POLICY).write_bytes(b"PK\x03\x04 cut short")
     with pytest.raises(BadInput, match="cut short"):
         read_training(tmp_path)
+
+
+def _archive(**members: bytes) -> bytes:
+    """As stable-baselines3 saves one: members as they are."""
+    with zipfile.ZipFile(file := BytesIO(), "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name.replace("_", "."), content)
+    return file.getvalue()
+
+
+def test_a_policy_that_lacks_its_end_or_a_part_is_refused(tmp_path: Path) -> None:
+    """Its members are archives, too: the end of the last is still there where the file's own is not."""
+    (tmp_path / TRAINING).write_text(json.dumps(DOCUMENT))
+    inner = _archive(weights=bytes(range(200)))
+    saved = _archive(data=b"{}", policy_pth=inner)
+    (tmp_path / POLICY).write_bytes(saved)
+    assert read_training(tmp_path).task == "TofuLift"
+    cut = saved[: saved.index(inner) + len(inner) + 1]
+    assert zipfile.is_zipfile(BytesIO(cut))
+    damaged = saved.replace(bytes(range(50, 60)), bytes(10))
+    for spoilt in (cut, damaged, _archive(data=b"{}")):
+        (tmp_path / POLICY).write_bytes(spoilt)
+        with pytest.raises(BadInput, match="cut short or damaged: train anew"):
+            read_training(tmp_path)
+
+
+@learns
+@pytest.mark.slow
+def test_a_policy_of_another_task_or_learner_is_refused(trained: Path, tmp_path: Path) -> None:
+    """Where its training.json says what it is not."""
+    for change, why in (
+        ({"task": "PushGentle"}, r"sees \(16,\) and gives \(2,\), and PushGentle shows \(15,\)"),
+        ({"algorithm": "sac"}, "no policy that sac learned"),
+    ):
+        document = json.loads((trained / TRAINING).read_text()) | change
+        (tmp_path / TRAINING).write_text(json.dumps(document))
+        (tmp_path / POLICY).write_bytes((trained / POLICY).read_bytes())
+        with pytest.raises(BadInput, match=why):
+            evaluate(Judgement(tmp_path, pieces=1), Console(quiet=True))
 
 
 @pytest.mark.parametrize(

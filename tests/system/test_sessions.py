@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import signal
 from collections.abc import Iterator
 from functools import partial
 
@@ -10,7 +12,7 @@ import pytest
 
 from softseam.errors import BadInput, ServicesFailed
 from softseam.gym import PushGentle
-from softseam.learn.sessions import Sessions
+from softseam.learn.sessions import Sessions, work
 
 MAKE = partial(PushGentle, step=0.04, stress_limit=500.0)
 """which the first touch ends"""
@@ -53,6 +55,15 @@ def test_an_environment_has_the_same_bits_alone(many: Sessions) -> None:
 def test_what_makes_no_environment_is_told_here() -> None:
     with pytest.raises(BadInput, match=r"stress_limit=-1\.0: give more than 0 Pa"):
         Sessions(partial(PushGentle, stress_limit=-1.0), 2, 1)
+
+
+def test_a_process_that_nobody_asks_any_more_ends_in_silence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of several that cannot make an environment, the first says so, and the others tell nobody."""
+    monkeypatch.setattr(signal, "signal", lambda *given: None)  # this process goes on
+    here, there = multiprocessing.Pipe()
+    here.close()
+    work(there, partial(PushGentle, stress_limit=-1.0), 1)
+    there.close()
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from softseam.errors import BadInput, SceneRefused
-from softseam.gym import BatchEnv, Randomise, TofuLift
+from softseam.gym import BatchEnv, Randomise, TofuLift, randomise
 from softseam.gym.reward import Grip, Lift, StressConcentration, Term, Touch, Way
 from softseam.gym.sight import SEEN
 
@@ -175,12 +175,37 @@ def test_whatever_an_agent_does_stays_finite(envs: BatchEnv) -> None:
         ({"device": "cuda"}, "leave device out"),
         ({"settings": ["body.material.young=-1"]}, "young"),
         ({"settings": ["body.material.kind=corotated"]}, "neo-Hookean"),
+        ({"settings": ["body.material.young=1e9"]}, r"1 ms are too long.*it bears 0\.0.* ms\. Vary young"),
+        ({"randomise": Randomise(size=0.7)}, r"1 ms are too long.*smallest"),
         ({"randomise": Randomise(size=0.2), "settings": ["tools.left.size=[0.01, 0.09, 0.09"]}, "tools.left.size"),
     ],
 )
 def test_what_cannot_be_is_refused(given: dict[str, Any], told: str) -> None:
     with pytest.raises((BadInput, SceneRefused), match=told):
         BatchEnv(**{"num_envs": 1, **given})
+
+
+@pytest.mark.parametrize(("part", "whole"), [(0.7, True), (1.05, False)])
+def test_pieces_are_refused_from_where_they_come_apart_at_rest(
+    part: float, whole: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By how much of a block a shear wave goes through in a substep of 1 ms."""
+    edge, density, poisson = 0.05 / 3.0, 1050.0, 0.3
+    young = 2.0 * (1.0 + poisson) * density * (part * edge / 1e-3) ** 2
+    numbers = (f"young={young!r}", f"density={density}", f"poisson={poisson}")
+    settings = [f"body.cell=[{edge!r}, {edge!r}, {edge!r}]", *(f"body.material.{number}" for number in numbers)]
+    given: dict[str, Any] = {"randomise": None, "autoreset_mode": "SAME_STEP", "settings": settings}
+    if not whole:
+        with pytest.raises(BadInput, match="too long"):
+            BatchEnv(8, **given)
+        monkeypatch.setattr(randomise, "_OF_A_BLOCK", np.inf)
+    envs = BatchEnv(8, **given)
+    envs.reset(seed=0)
+    ended = np.zeros(8, dtype=np.bool_)
+    for _ in range(20):
+        ended |= envs.step(np.zeros((8, 2)))[2]
+    envs.close()
+    assert (~ended).all() if whole else ended.all()
 
 
 def test_bad_calls_are_named_and_change_nothing(envs: BatchEnv) -> None:

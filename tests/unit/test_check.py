@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from io import StringIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from rich.console import Console
 from softseam.gym import BatchEnv, TofuLift
 from softseam.learn.check import CHECK_STEP, MOMENTS, Check, Episode, Watched, compare, moments, replay, show_checks
 from softseam.learn.check_beside import Beside
+from softseam.learn.curve import draw_curve
+from softseam.learn.policy import Training
 
 PIECES = 8
 
@@ -91,6 +94,16 @@ def test_moments_are_where_xpbd_has_them() -> None:
     trace = np.array([[0, 0, 0], [1, 0.1, 0], [5, 2, 0.0005], [5, 2, 0.002], [7, 2, 0.01], [7, 0, 0.0]], np.float64)
     assert moments(trace) == [1, 3, 4, 5]
     assert moments(np.zeros((3, 3))) == [2, 2, 0, 2]
+
+
+def test_pieces_that_were_never_pressed_have_no_ratio(tmp_path: Path) -> None:
+    """Where all checks are such, the table and the curve are drawn without."""
+    untouched = Check(5, ((0.0, 0.0, 0.0),) * 4, ((0.0, 0.0, 0.0),) * 4)
+    said = Console(file=StringIO(), width=120)
+    show_checks(said, [untouched])
+    assert isinstance(said.file, StringIO) and "1 episodes replayed" in said.file.getvalue()
+    training = Training("TofuLift", "ppo", 0, 4, 100, curve=((5, -1.0, 0.0, 0.0),), checks=(untouched,))
+    assert draw_curve(training, tmp_path / "curve.png").stat().st_size > 10_000
 
 
 def test_a_check_is_written_and_read() -> None:

@@ -234,6 +234,21 @@ def test_bytes_that_are_no_scene_are_refused_before_anything_is_compiled() -> No
         EmbeddedBackend(Bundle("no scene", {}))
 
 
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        (["step=0.01", "body.material.young=-1"], "--set body.material.young=-1: body.material.young: should be"),
+        (["step=0.01", "body.material={young: -1}"], "--set body.material={young: -1}: body.material"),
+        (["step=0.01", "body.material.yung=1"], "--set body.material.yung=1: body.material.yung: "),
+        (["step=0.01", "regions={default: pbd}", "symmetry=[x]"], "--set symmetry=[x]: symmetry: "),
+    ],
+)
+def test_of_several_settings_that_is_named_which_is_wrong(path: Path, settings: list[str], told: str) -> None:
+    with pytest.raises(softseam.SceneRefused) as refused:
+        softseam.with_settings(softseam.load_scene(path), settings)
+    assert str(refused.value).startswith(told)
+
+
 def test_bad_calls_are_named(path: Path) -> None:
     with pytest.raises(softseam.SceneRefused, match=r"none\.yaml"):
         softseam.open("folder/none.yaml")

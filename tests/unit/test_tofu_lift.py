@@ -305,6 +305,13 @@ def test_a_spread_that_is_none_is_refused(spread: dict[str, Any]) -> None:
         Randomise(**spread)
 
 
+def test_pieces_that_substeps_cannot_take_are_refused_by_xpbd_alone() -> None:
+    stiff = ["body.material.young=1e9"]
+    with pytest.raises(softseam.BadInput, match=r"substeps of 1 ms are too long.*model='fem' takes any"):
+        TofuLift(model="xpbd", settings=stiff)
+    TofuLift(settings=stiff).close()
+
+
 @pytest.mark.parametrize("given", [{"step": 0.03}, {"step": 0.0}, {"environments": 0}])
 def test_what_cannot_be_an_environment_is_refused(given: dict[str, Any]) -> None:
     with pytest.raises(softseam.BadInput, match=next(iter(given))):

@@ -48,7 +48,9 @@ def main(policy: Path | None = None) -> None:
     for name, rule in TASKS["TofuLift"].rules.items():
         tell(name, rule)
     if policy is not None:
-        tell("learned", learned((policy / POLICY).read_bytes(), read_training(policy).algorithm))
+        env = TofuLift()
+        tell("learned", learned((policy / POLICY).read_bytes(), read_training(policy).algorithm, env))
+        env.close()
 
 
 def squeeze_and_rise() -> Floats:

@@ -86,6 +86,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         self._randomise = Randomise.nothing(self.scene) if randomise is None else randomise
         self._tools = list(self.scene.tools)
         self._pads = [self._tools.index(pad) for pad in PADS]
+        self._randomise.check_substep(self.scene, ACT / SUBSTEPS)
         self._batch = self._open(int(threads), device)
         self._random = [seeding.np_random(None)[0] for _ in range(count)]
         rest = self._batch.structure.x_rest

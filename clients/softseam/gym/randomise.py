@@ -19,6 +19,10 @@ from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
 from softseam_protocol.scene.friction_field import LARGEST_SPREAD, FrictionFieldSpec
 from softseam_protocol.scene.scene import Scene
 
+_OF_A_BLOCK = 0.9
+"""part of a block that a shear wave may go through in a substep of XPBD: by 0.83 pieces at rest stay whole, by 1.0 they
+come apart (`tests/unit/test_batch_env.py`)"""
+
 
 @dataclass(frozen=True)
 class Drawn:
@@ -99,6 +103,27 @@ class Randomise:
         poisson = scene.body.material.poisson if isinstance(scene.body, BodySpec) else 0.0
         none: dict[str, Any] = {f.name: 0.0 for f in fields(cls) if isinstance(f.default, float)}
         return cls(**none, poisson=(poisson, poisson))
+
+    def check_substep(self, scene: Scene, substep: float) -> None:
+        """Raises BadInput where XPBD cannot step the hardest piece that may be drawn of a scene of a block in cells.
+
+        In a substep [s] a shear wave must not go through more than `_OF_A_BLOCK` of a block.
+        """
+        body = scene.body
+        if not isinstance(body, BodySpec) or not isinstance(body.shape, BlockShape) or body.cell is None:
+            return
+        cells = body.cell if isinstance(body.cell, tuple) else (body.cell,) * 3
+        edge = min(size / max(round(size / cell), 1) for size, cell in zip(body.shape.size, cells, strict=True))
+        modulus = body.material.young * (1.0 + self.young) / (2.0 * (1.0 + self.poisson[0]))
+        speed = math.sqrt(modulus / (body.material.density * (1.0 - self.density)))
+        most = _OF_A_BLOCK * edge * (1.0 - self.size) / speed
+        if substep > most:
+            raise BadInput(
+                f"substeps of {1e3 * substep:g} ms are too long for the stiffest, lightest and smallest "
+                f"piece that may be drawn, of Young's modulus {body.material.young * (1.0 + self.young):.4g} Pa: it "
+                f"bears {1e3 * most:.2g} ms. Vary young, density and size by less, or make body.material.young less or "
+                "body.cell larger; model='fem' takes any"
+            )
 
     def draw(self, scene: Scene, pads: Sequence[str], random: np.random.Generator) -> Drawn:
         """One piece of a scene of a block or a mesh, between pads."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from softseam.errors import BadInput
-from softseam.gym.lift_scene import LiftModel, settings_of
+from softseam.gym.lift_scene import SUBSTEPS, LiftModel, settings_of
 from softseam.gym.pad_lift import Floats, PadLift
 from softseam.gym.randomise import Randomise
 from softseam.gym.reward import GENTLE, Grip, Term
@@ -61,6 +61,8 @@ class TofuLift(PadLift):
             reward=reward,
             randomise=randomise,
         )
+        if model == "xpbd":
+            self._randomise.check_substep(self.scene, ACT / SUBSTEPS)
 
     def points_of_face(self, surface: Floats) -> int:
         low, high = surface[:, 0].min(), surface[:, 0].max()

@@ -142,7 +142,7 @@ def _rows(of: Floats) -> tuple[tuple[float, ...], ...]:
 
 def ratios(checks: Sequence[Check], what: str, moment: str) -> Floats:
     """FEM's to XPBD's (n,), of checks where XPBD's is not 0."""
-    xpbd, fem = np.array([check.of(what, moment) for check in checks]).T
+    xpbd, fem = np.array([check.of(what, moment) for check in checks]).reshape(-1, 2).T
     return np.asarray(fem[xpbd != 0.0] / xpbd[xpbd != 0.0])
 
 

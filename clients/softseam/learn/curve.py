@@ -52,7 +52,7 @@ def _draw_checks(axes: Any, checks: tuple[Check, ...]) -> None:
     plain(axes, "largest stress: FEM to XPBD [%]", "steps")
     stressed = [check for check in checks if check.of("stress", "end")[0] > 0.0]
     steps, more = np.array([check.steps for check in stressed]), 100.0 * (ratios(stressed, "stress", "end") - 1.0)
-    alike = np.array([check.ended_alike for check in stressed])
+    alike = np.array([check.ended_alike for check in stressed], dtype=np.bool_)
     axes.axhline(0.0, color="#2f6fed", linewidth=1.0)
     axes.plot(steps[alike], more[alike], ".", color="#2f6fed")
     axes.locator_params(axis="x", nbins=4)

@@ -18,7 +18,7 @@ from softseam.bar import Bar
 from softseam.cluster import share
 from softseam.errors import BadInput, missing_extra
 from softseam.gym.task_env import TaskEnv
-from softseam.learn.policy import POLICY, Algorithm, Training, read_training
+from softseam.learn.policy import POLICY, TRAINING, Algorithm, Training, read_training
 from softseam.learn.rules import Rule
 from softseam.learn.tasks import TASKS
 
@@ -75,8 +75,12 @@ class Judge:
     def __init__(self, policy: bytes, training: Training, step: float, record: Path | None = None) -> None:
         """Raises BadInput and MissingExtra."""
         task = TASKS[training.task]
-        self._rules = {**task.rules, THE_POLICY: learned(policy, training.algorithm)}
         self._env, self._hardship = task.environment(step=step, record=record, **training.options), task.hardship.name
+        try:
+            self._rules = {**task.rules, THE_POLICY: learned(policy, training.algorithm, self._env)}
+        except BaseException:
+            self._env.close()
+            raise
 
     def __call__(self, work: tuple[str, int]) -> Ending:
         """By whom, and the number of the piece."""
@@ -88,8 +92,8 @@ class Judge:
         self._env.close()
 
 
-def learned(policy: bytes, algorithm: Algorithm) -> Rule:
-    """What a policy does, as stable-baselines3 saved it. Raises MissingExtra."""
+def learned(policy: bytes, algorithm: Algorithm, env: TaskEnv[Any]) -> Rule:
+    """What a policy does, as stable-baselines3 saved it. Raises MissingExtra, and BadInput where it is none of env."""
     try:
         import torch
 
@@ -97,7 +101,20 @@ def learned(policy: bytes, algorithm: Algorithm) -> Rule:
     except ImportError as error:
         raise missing_extra(error, "judging a policy") from error
     torch.set_num_threads(1)  # networks this small are slower on two
-    learner = class_of(algorithm).load(BytesIO(policy), device="cpu")
+    try:
+        learner = class_of(algorithm).load(BytesIO(policy), device="cpu")
+    except Exception as error:  # whatever it meets
+        raise BadInput(
+            f"{POLICY} is no policy that {algorithm} learned ({type(error).__name__}): was {TRAINING} or it copied "
+            "from another folder? Train anew"
+        ) from error
+    spaces = (learner.observation_space, learner.action_space)
+    if spaces != (env.observation_space, env.action_space):
+        shown, taken = (space.shape for space in spaces)
+        raise BadInput(
+            f"{POLICY} sees {shown} and gives {taken}, and {type(env).__name__} shows {env.observation_space.shape} "
+            f"and takes {env.action_space.shape}: it is a policy of another task or version, train anew"
+        )
     return lambda seen, info: learner.predict(seen, deterministic=True)[0]
 
 

@@ -6,7 +6,7 @@ import json
 import zipfile
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from softseam.errors import BadInput
 from softseam.gym.lift_scene import LiftModel
@@ -93,7 +93,21 @@ def read_training(folder: Path) -> Training:
         raise BadInput(
             f"{path}: a policy of version {training.version} of {training.task}, which is {VERSION}: train anew"
         )
-    saved = folder / POLICY
-    if not zipfile.is_zipfile(saved):
-        raise BadInput(f"{saved} {'is cut short' if saved.exists() else 'is missing'}: train anew")
+    if training.algorithm not in get_args(Algorithm):
+        raise BadInput(f"{path}: nothing learns by {training.algorithm!r} ({' or '.join(get_args(Algorithm))})")
+    _check_saved(folder / POLICY)
     return training
+
+
+def _check_saved(path: Path) -> None:
+    """Raises BadInput where what stable-baselines3 saved is not all there."""
+    if not path.exists():
+        raise BadInput(f"{path} is missing: train anew")
+    try:
+        with zipfile.ZipFile(path) as saved:
+            # a policy holds archives of its own: the end of one is found where the file's is missing
+            whole = saved.testzip() is None and {"data", "policy.pth"} <= set(saved.namelist())
+    except (zipfile.BadZipFile, OSError, EOFError, ValueError):
+        whole = False
+    if not whole:
+        raise BadInput(f"{path} is cut short or damaged: train anew")

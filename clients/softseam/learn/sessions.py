@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import signal
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -142,7 +143,8 @@ def work(pipe: Connection, make: Make, count: int) -> None:
     except (EOFError, BrokenPipeError):
         pass  # nobody asks any more
     except Exception as error:
-        pipe.send(error)
+        with suppress(OSError):  # nobody asks any more
+            pipe.send(error)
     finally:
         for env in envs:
             env.close()
