@@ -44,7 +44,8 @@ def action(rules: Floats, force: Floats, squeezed: Floats) -> Floats:
     """Of each rule (k, 2), where its pads press with a force [N] and squeeze by a part."""
     air, touch, squeeze, rise = rules.T
     closing, still = np.where(force > 0.0, touch, air), np.zeros(len(rules))
-    return np.where((squeezed < squeeze)[:, None], np.stack([closing, still], 1), np.stack([still, rise], 1))
+    close, up = np.stack([closing, still], axis=1), np.stack([still, rise], axis=1)
+    return np.asarray(np.where((squeezed < squeeze)[:, None], close, up))
 
 
 def by_fem() -> Judge:
@@ -102,7 +103,7 @@ def learned(way: tuple[tuple[str, int], ...], judges: dict[str, Judge], seed: in
             best = rules[np.argsort(returns.mean(axis=1))[-BEST:]]
             mean, spread = best.mean(axis=0), best.std(axis=0) + 0.02 * (HIGH - LOW)
             generation += 1
-    return mean
+    return np.asarray(mean, np.float64)
 
 
 def main() -> None:
@@ -113,8 +114,8 @@ def main() -> None:
     wanted = parser.parse_args()
     teachers = {teacher for name in wanted.ways for teacher, _ in WAYS[name]} | {"fem"}
     judges = {each: by_fem() if each == "fem" else by_xpbd(int(each.split()[1])) for each in sorted(teachers)}
-    for judge in judges.values():
-        judge(np.tile(0.5 * (LOW + HIGH), (CANDIDATES, 1)), 0, PIECES)  # compiles, and makes room
+    for each, judge in judges.items():  # compiles, and makes room
+        judge(np.tile(0.5 * (LOW + HIGH), (CANDIDATES, 1)), 0, 1 if each == "fem" else PIECES)
     for seed in wanted.seeds:
         for name in wanted.ways:
             began = time.process_time()

@@ -107,7 +107,7 @@ class Randomise:
     def check_substep(self, scene: Scene, substep: float) -> None:
         """Raises BadInput where XPBD cannot step the hardest piece that may be drawn of a scene of a block in cells.
 
-        In a substep [s] a shear wave must not go through more than `_OF_A_BLOCK` of a block.
+        In a substep [s] a shear wave must not go through more than 0.9 of a block.
         """
         body = scene.body
         if not isinstance(body, BodySpec) or not isinstance(body.shape, BlockShape) or body.cell is None:
