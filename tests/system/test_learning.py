@@ -272,6 +272,9 @@ def test_a_policy_of_another_task_or_learner_is_refused(trained: Path, tmp_path:
         (tmp_path / POLICY).write_bytes((trained / POLICY).read_bytes())
         with pytest.raises(BadInput, match=why):
             evaluate(Judgement(tmp_path, pieces=1), Console(quiet=True))
+    with pytest.raises(BadInput, match="no policy that sac learned"):
+        train(Wishes(out=tmp_path, steps=9999, resume=True), Console(quiet=True))
+    assert (tmp_path / POLICY).read_bytes() == (trained / POLICY).read_bytes()
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from softseam.bar import Bar
 from softseam.cluster import share
 from softseam.errors import BadInput, missing_extra
 from softseam.gym.task_env import TaskEnv
-from softseam.learn.policy import POLICY, TRAINING, Algorithm, Training, read_training
+from softseam.learn.policy import POLICY, Algorithm, Training, read_training
 from softseam.learn.rules import Rule
 from softseam.learn.tasks import TASKS
 
@@ -97,17 +97,11 @@ def learned(policy: bytes, algorithm: Algorithm, env: TaskEnv[Any]) -> Rule:
     try:
         import torch
 
-        from softseam.learn.train import algorithm as class_of
+        from softseam.learn.train import load_learner
     except ImportError as error:
         raise missing_extra(error, "judging a policy") from error
     torch.set_num_threads(1)  # networks this small are slower on two
-    try:
-        learner = class_of(algorithm).load(BytesIO(policy), device="cpu")
-    except Exception as error:  # whatever it meets
-        raise BadInput(
-            f"{POLICY} is no policy that {algorithm} learned ({type(error).__name__}): was {TRAINING} or it copied "
-            "from another folder? Train anew"
-        ) from error
+    learner = load_learner(algorithm, BytesIO(policy))
     spaces = (learner.observation_space, learner.action_space)
     if spaces != (env.observation_space, env.action_space):
         shown, taken = (space.shape for space in spaces)

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -23,7 +24,7 @@ from softseam.gym.task_env import TaskEnv
 from softseam.learn.check import show_checks
 from softseam.learn.check_beside import Beside
 from softseam.learn.curriculum import Stage
-from softseam.learn.policy import POLICY, Algorithm, Training, read_training
+from softseam.learn.policy import POLICY, TRAINING, Algorithm, Training, read_training
 from softseam.learn.sessions import Sessions
 from softseam.learn.tasks import TASKS, Task, task_of
 from softseam.outputs import check_outputs
@@ -125,8 +126,14 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -
     torch.set_num_threads(1)  # networks this small are slower on two
     task = TASKS[training.task]
     vector = vectorised(training)
-    model = algorithm(training.algorithm)
-    learner = model.load(folder / POLICY, env=vector) if wishes.resume else new_learner(training, vector)
+    if wishes.resume:
+        try:
+            learner = load_learner(training.algorithm, folder / POLICY, vector)
+        except BadInput:
+            vector.close()
+            raise
+    else:
+        learner = new_learner(training, vector)
     beside = None
     if wishes.check is not False and batched(training):
         beside = Beside(vector.batch, training.settings)
@@ -216,6 +223,17 @@ def algorithm(name: Algorithm) -> Any:
     import stable_baselines3
 
     return {"ppo": stable_baselines3.PPO, "sac": stable_baselines3.SAC}[name]
+
+
+def load_learner(name: Algorithm, saved: Path | BytesIO, vector: Any = None) -> Any:
+    """What stable-baselines3 saved, to go on in the environments `vector`. Raises BadInput where it is none."""
+    try:
+        return algorithm(name).load(saved, env=vector, device="cpu")
+    except Exception as error:  # stable-baselines3 checks nothing, and fails by whatever it meets
+        raise BadInput(
+            f"{POLICY} is no policy that {name} learned, or one of another task ({type(error).__name__}): was it or "
+            f"{TRAINING} copied from another folder? Train anew"
+        ) from error
 
 
 def new_learner(training: Training, vector: Any) -> Any:
