@@ -28,6 +28,8 @@ _MANY = 100_000
 """unknowns whose factor takes 1.5 GB, and seconds"""
 _SWIFT = 4.0
 """waves so many times as fast are worth a warning"""
+_PARTS = 2.4
+"""spacings of the points inside a face: what is narrower parts them, and cuts in"""
 
 
 def doubts(scene: Scene, setups: Mapping[str, Setup]) -> list[str]:
@@ -143,21 +145,21 @@ def _fine_friction(scene: Scene, apart: float, finer: str) -> list[str]:
 
 
 def _thin_tools(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
-    """Tools so narrow that they fit between the points inside faces of a block."""
+    """Tools so narrow that they fit between the points inside faces of a block, or part them and pass when pressed."""
     from softseam_services.body.contact_points import is_embedded
     from softseam_services.tools.face_points import PATCHES
 
     if is_embedded(body):
         return []
     spacing = float(max(body.edges)) / PATCHES
-    diagonal = math.sqrt(2.0) * spacing
-    widths = {name: width for name, width in _felt_at_points(scene, body, tools) if width < diagonal * (1.0 - 1e-9)}
+    least = _PARTS * spacing
+    widths = {name: width for name, width in _felt_at_points(scene, body, tools) if width < least * (1.0 - 1e-9)}
     if not widths:
         return []
     named = ", ".join(f"{name} ({1e3 * width:.3g} mm)" for name, width in widths.items())
     return [
-        f"body.cell: round tools are felt at points {1e3 * spacing:.3g} mm apart, between which these pass: {named}. "
-        f"Make cells {PATCHES * min(widths.values()) / math.sqrt(2.0):.2g} m long"
+        f"body.cell: round tools are felt at points {1e3 * spacing:.3g} mm apart, between which these pass when "
+        f"pressed in by about their width: {named}. Make cells {PATCHES * min(widths.values()) / _PARTS:.2g} m long"
     ]
 
 

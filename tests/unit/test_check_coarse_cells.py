@@ -50,12 +50,21 @@ def test_tools_narrower_than_coarse_cells_are_named(tmp_path: Path) -> None:
 
 
 def test_tools_that_fit_between_points_are_named(tmp_path: Path) -> None:
-    """In both models: four points along each edge of a cell, and less than a diagonal of theirs across."""
+    """In both models: four points along each edge of a cell, and less than 2.4 of their spacings across."""
     for model in ("pbd", "fem"):
         scene = SCENE.replace(BEYOND, "").replace("{default: pbd}", f"{{default: {model}}}")
         told = said(tmp_path, scene.replace("cell: 0.02", "cell: 0.06"))
-        assert "points 15 mm apart" in told and "ball (16 mm), rod (12 mm), wide (20 mm). Make cells 0.034 m" in told
+        assert "points 15 mm apart" in told and "ball (16 mm), rod (12 mm), wide (20 mm). Make cells 0.02 m" in told
         assert "mm apart" not in said(tmp_path, scene)
+
+
+@pytest.mark.parametrize(("radius", "told"), [(0.002, True), (0.0025, True), (0.0028, True), (0.003, False)])
+def test_rods_that_cut_into_a_block_are_named(tmp_path: Path, radius: float, told: bool) -> None:
+    """On cells of 10 mm, pressed in 10 mm, rods of 4, 5 and 5.6 mm pass between points from 3, 5 and 8 mm on."""
+    rod = f"{{kind: cylinder, radius: {radius}, length: 0.03, axis: [1, 0, 0], position: [0, 0, 0.09]}}"
+    scene = SCENE.replace(BEYOND, "").replace("cell: 0.02", "cell: 0.01")
+    scene = scene.replace("motion:", f"  thin: {rod}\nmotion:")
+    assert (f"thin ({2e3 * radius:.3g} mm)" in said(tmp_path, scene)) == told
 
 
 @pytest.mark.parametrize(

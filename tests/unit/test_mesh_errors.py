@@ -185,6 +185,9 @@ def test_flat_and_doubled_tetrahedra_do_no_harm_to_the_surface() -> None:
     assert notes == ("1 tetrahedra that were there twice were left out",)
 
 
+_FAN = b"v 0 0 0\nv 2 0 0\nv 3 2 0\nv 1 3 1\nv 0 2 0\nf 1 2 3 4 5\nf 4 3 2 1\n"
+
+
 @pytest.mark.parametrize(
     ("path", "data", "words"),
     [
@@ -194,7 +197,13 @@ def test_flat_and_doubled_tetrahedra_do_no_harm_to_the_surface() -> None:
         ("a.xyz123", b"1 2 3", "cannot be read as .xyz123"),
         ("a", b"1 2 3", "cannot be read"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "a cloud of 3 points without faces"),
-        ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite"),
+        ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "1 coordinates are not finite, the first of point 1"),
+        (
+            "a.obj",
+            b"v 0 0 0\nv 1 0 0\nv 1 inf 0\nv 0 1 0\nf 1 2 3 4\n",
+            "1 coordinates are not finite, the first of point 3",
+        ),
+        ("a.obj", _FAN.replace(b"1 3 1", b"nan 3 nan"), "2 coordinates are not finite, the first of point 4"),
     ],
 )
 def test_files_that_are_no_meshes(path: str, data: bytes, words: str, capfd: pytest.CaptureFixture[str]) -> None:
@@ -252,3 +261,12 @@ def test_fine_surfaces_carry_contact_on_a_subset_only() -> None:
     carrying = body.surface.area > 0
     assert 20 < carrying.sum() < 0.2 * len(carrying)
     assert body.surface.area.sum() == pytest.approx(4 * np.pi * 0.02**2, rel=2e-3)
+
+
+@pytest.mark.parametrize("turn", [0.3, 1.1, 2.7])
+def test_places_are_told_without_rounding(turn: float) -> None:
+    """A hole around the z axis is at z 0, however its coordinates were rounded."""
+    around = turn + np.arange(8) * np.pi / 4
+    rim = np.stack([np.cos(around), np.sin(around), 1e-17 * np.cos(3.0 * around)], axis=1)
+    cone = np.concatenate([0.03 * rim, [[0.0, 0.0, 0.02]]])
+    refused(cone, np.array([[k, (k + 1) % 8, 8] for k in range(8)]), "8 open edges", ", 0) m; close the holes")

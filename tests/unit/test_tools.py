@@ -146,3 +146,13 @@ def test_a_mesh_without_its_file_and_an_axis_of_zero_are_refused() -> None:
         build_tools(scene({"m": mesh([0, 0, 2.0])}))
     with pytest.raises(ValueError, match="the axis must not be zero"):
         scene({"a": long("capsule", [0.1, 0, 0], [0, 0, 0])})
+
+
+@pytest.mark.parametrize("above", [1e-18, -3e-17, 2e-16])
+def test_rounding_is_no_place(above: float) -> None:
+    """A body on the ground stands at z 0 in what is said of it."""
+    spec = scene({"left": box([0.034, 0, 0.025])})
+    body = build_body(spec, {})
+    body.x_rest[:, 2] += above - body.x_rest[:, 2].min()
+    with pytest.raises(ToolError, match=r"; z 0 \.\. "):
+        build_tools(spec, body, FILES)

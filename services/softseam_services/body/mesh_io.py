@@ -181,11 +181,16 @@ def read_surface(path: str, data: bytes, part: str | int | None = None) -> RawSu
 
 def _read(path: str, data: bytes, part: str | int | None) -> MeshFile:
     """A file, or its part of a name; raises MeshError where it has none, or points that are no places."""
-    file = read_mesh_file(path, data)
-    used = [file.points[block.cells.ravel()] for block in file.blocks if block.kind not in _IGNORED]
-    if any(not np.isfinite(x).all() for x in used):
-        wrong = int((~np.isfinite(np.unique(np.concatenate(used), axis=0))).sum())
-        raise MeshError(f"{path}: {wrong} coordinates are not finite; export it again")
+    with np.errstate(invalid="ignore", over="ignore"):  # polygons are split before it is known that they are places
+        file = read_mesh_file(path, data)
+    used = [block.cells.ravel() for block in file.blocks if block.kind not in _IGNORED]
+    corners = np.unique(np.concatenate(used)) if used else np.zeros(0, dtype=np.int64)
+    wrong = ~np.isfinite(file.points[corners])
+    if wrong.any():
+        first = 1 + corners[wrong.any(axis=1)][0]
+        raise MeshError(
+            f"{path}: {wrong.sum()} coordinates are not finite, the first of point {first}; export it again"
+        )
     if part is None:
         return file
     if isinstance(part, int):

@@ -15,6 +15,8 @@ from softseam_services.body.repair import FLAT, edges_of
 
 _PLANE = 1e-9
 _THIN_SOLID = 1e-6
+_ROUNDING = 1e-12
+"""of the extent: a coordinate that is less than that is 0"""
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ def _check_triangles(path: str, vertices: Floats, triangles: Ints) -> None:
         at = vertices[triangles[worst]].mean(axis=0)
         raise MeshError(
             f"{path}: {int(flat.sum())} of {len(triangles)} triangles are degenerate, the worst is number {worst} at "
-            f"{_place(at)} with area {area[worst]:.3g} m^2; collapse or remove them"
+            f"{_place(at, vertices)} with area {area[worst]:.3g} m^2; collapse or remove them"
         )
 
 
@@ -104,7 +106,7 @@ def orient(path: str, vertices: Floats, triangles: Ints) -> tuple[Ints, int, Int
             )
             raise MeshError(
                 f"{path}: {int(wrong.sum())} {what} of {len(edges)}, the longest at "
-                f"{_place(vertices[edges[worst]].mean(axis=0))}; {remedy}"
+                f"{_place(vertices[edges[worst]].mean(axis=0), vertices)}; {remedy}"
             )
     n_triangles = len(triangles)
     pairs = np.argsort(number, kind="stable").reshape(-1, 2)
@@ -154,8 +156,8 @@ def _check_crossings(path: str, vertices: Floats, triangles: Ints) -> None:
     if found:
         at = vertices[edges[first[0]]].mean(axis=0)
         raise MeshError(
-            f"{path}: the surface crosses itself, {found} pairs of edge and triangle do, the first near {_place(at)} "
-            f"(triangle {int(first[1])}); unite overlapping parts, or move them apart"
+            f"{path}: the surface crosses itself, {found} pairs of edge and triangle do, the first near "
+            f"{_place(at, vertices)} (triangle {int(first[1])}); unite overlapping parts, or move them apart"
         )
 
 
@@ -204,6 +206,7 @@ def _nest(path: str, vertices: Floats, triangles: Ints, shell: Ints) -> tuple[In
     return result, inverted
 
 
-def _place(point: Floats) -> str:
-    """A point [m] as messages tell it."""
-    return f"({point[0]:.4g}, {point[1]:.4g}, {point[2]:.4g}) m"
+def _place(point: Floats, vertices: Floats) -> str:
+    """A point [m] as messages tell it; what is rounding beside the surface's extent is 0."""
+    told = np.where(np.abs(point) < _ROUNDING * np.ptp(vertices, axis=0).max(), 0.0, point)
+    return f"({told[0]:.4g}, {told[1]:.4g}, {told[2]:.4g}) m"

@@ -16,6 +16,8 @@ TOUCHING = 1e-9
 """depth that counts as touching, relative to the body's size [1]"""
 SHRINK = 1e-6
 """how much smaller than the tool its outline is for this check [1]"""
+ROUNDING = 1e-12
+"""of the body's size: a coordinate that is less than that is told as 0"""
 
 
 def check_clear(tools: ToolSet, body: Body) -> None:
@@ -83,4 +85,6 @@ def _any_inside(points: Floats, triangles: Ints, probes: Floats) -> bool:
 
 def _bounds(points: Floats) -> str:
     low, high = points.min(axis=0), points.max(axis=0)
+    rounding = ROUNDING * float((high - low).max())
+    low, high = (np.where(np.abs(end) < rounding, 0.0, end) for end in (low, high))
     return "; ".join(f"{axis} {low[c]:.4g} .. {high[c]:.4g} m" for c, axis in enumerate("xyz"))
