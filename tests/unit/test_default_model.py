@@ -27,7 +27,7 @@ PRESSED = {
     },
     "motion": [{"tools": ["plate"], "move": [0.003, 0, 0], "speed": 0.1}],
 }
-AT_REST = {"tools": {"ground": {"kind": "plane", "friction": 0.5}}, "motion": [], "duration": 0.1}
+AT_REST: dict[str, Any] = {"tools": {"ground": {"kind": "plane", "friction": 0.5}}, "motion": [], "duration": 0.1}
 MATERIAL = {"kind": "neo_hookean", "young": 2e4, "poisson": 0.45, "density": 1050}
 SHEET = {"kind": "sheet", "size": [0.1, 0.1], "divisions": [4, 4], "position": [0, 0.3, 0.1], "density": 0.3,
          "stretch": 60, "bending": 1e-6}  # fmt: skip
