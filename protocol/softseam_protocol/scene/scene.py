@@ -125,10 +125,10 @@ class Scene(Spec):
 
     def _with_models_of(self, body: AnyBody) -> Scene:
         """The scene as it is for one of its bodies: FEM has the body's own element where none is named."""
-        if not isinstance(body, BodySpec):
+        fem = self.models.fem.of(body) if isinstance(body, BodySpec) else self.models.fem
+        if fem.element == self.models.fem.element:
             return self
-        models = self.models.model_copy(update={"fem": self.models.fem.of(body)})
-        return self.model_copy(update={"models": models})
+        return self.model_copy(update={"models": self.models.model_copy(update={"fem": fem})})
 
     @property
     def asked(self) -> tuple[str, ...]:
