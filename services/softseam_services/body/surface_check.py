@@ -15,8 +15,8 @@ from softseam_services.body.repair import FLAT, edges_of
 
 _PLANE = 1e-9
 _THIN_SOLID = 1e-6
-_ROUNDING = 1e-12
-"""of the extent: a coordinate that is less than that is 0"""
+ROUNDING = 1e-12
+"""of the extent: a coordinate that is less than that is told as 0"""
 
 
 @dataclass(frozen=True)
@@ -208,5 +208,5 @@ def _nest(path: str, vertices: Floats, triangles: Ints, shell: Ints) -> tuple[In
 
 def _place(point: Floats, vertices: Floats) -> str:
     """A point [m] as messages tell it; what is rounding beside the surface's extent is 0."""
-    told = np.where(np.abs(point) < _ROUNDING * np.ptp(vertices, axis=0).max(), 0.0, point)
+    told = np.where(np.abs(point) < ROUNDING * np.ptp(vertices, axis=0).max(), 0.0, point)
     return f"({told[0]:.4g}, {told[1]:.4g}, {told[2]:.4g}) m"

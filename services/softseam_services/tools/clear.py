@@ -7,6 +7,7 @@ import numpy as np
 from softseam_services.body.body import Body, Floats, Ints
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.particles import ParticleBody
+from softseam_services.body.surface_check import ROUNDING
 from softseam_services.body.units import LOOKS_LIKE
 from softseam_services.tools.errors import ToolError
 from softseam_services.tools.kernels import least_gaps, rotate
@@ -16,8 +17,6 @@ TOUCHING = 1e-9
 """depth that counts as touching, relative to the body's size [1]"""
 SHRINK = 1e-6
 """how much smaller than the tool its outline is for this check [1]"""
-ROUNDING = 1e-12
-"""of the body's size: a coordinate that is less than that is told as 0"""
 
 
 def check_clear(tools: ToolSet, body: Body) -> None:
