@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 import solids
 
@@ -74,6 +75,37 @@ def test_a_plate_that_comes_takes_the_body_along(model: str) -> None:
 @pytest.mark.parametrize("model", ["fem", "pbd"])
 def test_a_stiff_body_does_not_pass_either(model: str) -> None:
     assert lowest(PLATE, model, 20.0, young=1e7) > -1e-3
+
+
+@pytest.mark.parametrize("shape", ["ball", "rod"])
+def test_a_mesh_that_yields_comes_back_through_the_plate(shape: str) -> None:
+    """At twice its sound speed half of the surface came out below the plate by XPBD, and was kept there."""
+    file = solids.obj(
+        *(solids.sphere(0.02, 3) if shape == "ball" else solids.cylinder(0.01, 0.08, 24, np.array([1.0, 0.3, 0.0])))
+    )
+    scene = Scene.model_validate(
+        {
+            "softseam": 1,
+            "name": "fast",
+            "step": 0.01,
+            "body": {
+                "shape": {"kind": "mesh", "path": "body.obj"},
+                "position": [0, 0, 0.1],
+                "velocity": [0, 0, -12],
+                "material": {"kind": "neo_hookean", "young": 4e4, "poisson": 0.35, "density": 900.0},
+            },
+            "tools": {"tool": {**PLATE, "friction": 0.5}},
+            "regions": {"default": "pbd"},
+            "duration": 0.1,
+        }
+    )
+    simulation = Simulation(Bundle(scene.model_dump_json(), {"body.obj": file}), EmbeddedTransport())
+    while not simulation.step(fields=True).done:
+        pass
+    height = simulation.frame().point_x[:, 2]
+    simulation.close()
+    assert (height < -0.001).mean() < 0.02
+    assert height.mean() > 0.005
 
 
 @pytest.mark.parametrize("model", ["fem", "pbd"])

@@ -156,12 +156,14 @@ def _face_side(row, lane, a, b, c, x, y, z, fx, fy, fz):
     """FACED of one point at x, y, z with the force f, both in the frame of a box of half edges a, b, c.
 
     A point inside is pushed by the side where its force is largest beside its way out there: that of friction alone may
-    be larger than what presses, where it is lent or its coefficient is above 1, but the way along a side is long.
+    be larger than what presses, where it is lent or its coefficient is above 1, but the way along a side is long. A
+    point that yields may come out behind: there its force points back through the box.
     """
     u, v, w = abs(x) - a, abs(y) - b, abs(z) - c
-    inside = u < 0.0 and v < 0.0 and w < 0.0
-    pushed = inside and fx * fx + fy * fy + fz * fz > 0.0
     beyond = (1.0 if u > 0.0 else 0.0) + (1.0 if v > 0.0 else 0.0) + (1.0 if w > 0.0 else 0.0)
+    outwards = (fx * x if u > 0.0 else 0.0) + (fy * y if v > 0.0 else 0.0) + (fz * z if w > 0.0 else 0.0)
+    back = beyond == 1.0 and outwards < 0.0
+    pushed = fx * fx + fy * fy + fz * fz > 0.0 and (beyond == 0.0 or back)
     u = abs(fx) / (a - (x if fx > 0.0 else -x)) if pushed else u
     v = abs(fy) / (b - (y if fy > 0.0 else -y)) if pushed else v
     w = abs(fz) / (c - (z if fz > 0.0 else -z)) if pushed else w
