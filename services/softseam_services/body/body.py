@@ -129,6 +129,11 @@ class Body:
         return self.materials[0]
 
     @property
+    def cut(self) -> bool:
+        """Whether its surface runs through cells: then their nodes may be outside, and do not bound it."""
+        return len(self.moments) > 0
+
+    @property
     def wave_speed(self) -> float:
         """The fastest P-wave speed of its materials [m/s]."""
         return max(material.wave_speed for material in self.materials)

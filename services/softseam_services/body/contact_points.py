@@ -20,7 +20,7 @@ PENALTY = 20.0
 
 def is_embedded(body: Body) -> bool:
     """Whether its surface has many points in each cell, through which it runs, or whose triangular faces it is."""
-    return len(body.moments) > 0 or body.tetrahedra
+    return body.cut or body.tetrahedra
 
 
 def point_stiffness(body: Body, region: Region, spacing: Floats) -> Floats:

@@ -12,6 +12,7 @@ from softseam_protocol.messages.outcomes import Detail, Status
 from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.kernels.bounds import bound_points
 from softseam_services.fem.face_forces import taken_over
 from softseam_services.fem.failures import STATUS
 from softseam_services.fem.field_reader import FieldReader
@@ -200,6 +201,15 @@ class FemSolver:
         out[kernel.MOMENTUM : kernel.MOMENTUM + 3] = standing.momentum
         out[kernel.ANGULAR : kernel.ANGULAR + 3] = standing.angular
         out[kernel.LOWEST : kernel.LOWEST + 6] = standing.bounds.ravel()
+        if self._body.cut:
+            self._bound(whole.x, out)
+
+    def _bound(self, x: Floats, out: Floats) -> None:
+        """How far a surface that runs through cells reaches, whose nodes are at x (n, 3) [m]. Such a body has no
+        symmetry."""
+        model, parameters = self.tables.whole
+        points = model.point_ptr, model.point_node, parameters.point_weight
+        bound_points(len(self._region.points), *points, x, out[kernel.LOWEST : kernel.LOWEST + 6])
 
     def _reply(
         self, request: Advance, status: Status, why: str, began: float, correction: Correct | None = None
@@ -209,6 +219,8 @@ class FemSolver:
         told, taken = stepper.result, self._result.substeps if status is Status.CONVERGED else AT_ONCE
         out, wrench = told.out.copy(), told.wrench.copy()
         converged = status is Status.CONVERGED
+        if self._body.cut and converged:
+            self._bound(self._next.x, out)
         if reduction is not None and converged:
             reduction.add_up(self._next, self._tools, out, wrench)
         numbers = out.tolist()

@@ -20,6 +20,7 @@ from softseam_protocol.quantities import PROBED, QUANTITIES
 from softseam_protocol.table import Table
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
+from softseam_services.body.interpolate import rest_points
 from softseam_services.body.tetrahedron import SHARES
 from softseam_services.orchestrator.indicators import energy_error, root_mean_square
 from softseam_services.orchestrator.probes import PROBE_MEASUREMENTS
@@ -42,17 +43,25 @@ class RestingBody:
         """[N]"""
 
     @cached_property
-    def tip(self) -> int:
-        """Node in the middle of the end farthest from what is fixed; without any, of the +x end."""
+    def cut(self) -> bool:
+        """Whether its nodes may be outside of it: its surface points tell where it is."""
+        return isinstance(self.body, Body) and self.body.cut
+
+    @cached_property
+    def tip(self) -> tuple[int, Floats]:
+        """Node in the middle of the end farthest from what is fixed, and its place (3,) [m]; without any, of the +x
+        end. Where the body is cut, a surface point."""
         body = self.body
+        places = rest_points(body) if isinstance(body, Body) and body.cut else body.x_rest
         clamped = body.x_rest[body.fixed]
         away = np.array([1.0, 0.0, 0.0])
         if len(clamped):
             away = self.centre - clamped.mean(axis=0)
-        far_end = body.x_rest @ away
+        far_end = places @ away
         end = np.flatnonzero(far_end >= far_end.max() - 1e-9 * np.ptp(far_end))
-        middle = body.x_rest[end].mean(axis=0)
-        return int(end[np.argmin(np.linalg.norm(body.x_rest[end] - middle, axis=1))])
+        middle = places[end].mean(axis=0)
+        tip = int(end[np.argmin(np.linalg.norm(places[end] - middle, axis=1))])
+        return tip, places[tip]
 
     @cached_property
     def octant_volume(self) -> Floats:
@@ -152,8 +161,9 @@ def _von_mises_p99(look: Look) -> float:
 
 
 def _tip_deflection(look: Look) -> float:
-    tip = look.rest.tip
-    return float(look.fields.x[tip, 2] - look.rest.body.x_rest[tip, 2])
+    tip, place = look.rest.tip
+    now = look.fields.point_x if look.rest.cut else look.fields.x
+    return float(now[tip, 2] - place[2])
 
 
 def _error(name: str) -> Measurement:

@@ -10,6 +10,7 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
+from softseam_services.body.kernels.bounds import bound_points
 from softseam_services.request_check import problem_of, problem_of_correction
 from softseam_services.tools.tool_set import ToolSet
 
@@ -139,6 +140,9 @@ class PbdSolver:
         """What became of the last request."""
         work, taken = self._scratch.next, self._taken
         result, numbers = taken.figures.copy(), taken.figures.tolist()
+        if self._body.cut:
+            points = self.model.indptr, self.model.node, self.parameters.weight
+            bound_points(self.model.n_surface, *points, work.x, result[k.BOUNDS : k.BOUNDS + 6])
         return Advanced(
             header,
             taken.fault.status,
