@@ -19,6 +19,7 @@ from softseam_services.body.region import build_region
 from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, Scheme
 from softseam_services.fem.kernels.elements import add_cell_tangents, strain_energy, subtract_forces
 from softseam_services.fem.kernels.point_volumes import loses_volume
+from softseam_services.fem.kernels.quadrature_blending import share_cells
 from softseam_services.fem.kernels.viscosity import add_viscous_tangents, subtract_viscous
 from softseam_services.fem.kernels.viscous_start import resist
 from softseam_services.fem.structures import build_tables
@@ -73,6 +74,11 @@ class Statics:
     @property
     def x_rest(self) -> Floats:
         return self.parameters.x_rest
+
+    def share(self, x: Floats) -> None:
+        """Have cells pass to full quadrature by all that x (n, 3) asks for."""
+        none = np.full(len(self.model.cell_nodes), -1.0)
+        share_cells(x, none, 1.0, self.model, self.parameters, self.work, none.copy())
 
     def forces(self, x: Floats) -> Floats:
         """f(x) = dU/dx (n, 3)."""

@@ -14,9 +14,11 @@ from softseam.odd_motion import odd_motion
 from softseam.odd_units import odd_units
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.kinds import element_warning
+from softseam_protocol.scene.motion import ClosePhase, MovePhase
 from softseam_protocol.scene.particles import RopeBody, SheetBody
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
+from softseam_protocol.scene.tools import PlaneTool
 
 if TYPE_CHECKING:
     from softseam_services.body.body import Body
@@ -28,6 +30,8 @@ _MANY = 100_000
 """unknowns whose factor takes 1.5 GB, and seconds"""
 _SWIFT = 4.0
 """waves so many times as fast are worth a warning"""
+_HARD = 0.5
+"""of the speed of waves: what is hit faster is squeezed to half, and more, before the rest of it knows"""
 _PARTS = 2.4
 """spacings of the points inside a face: what is narrower parts them, and cuts in"""
 
@@ -71,6 +75,7 @@ def doubts_of(setup: Setup, found: BodyCheck | None = None) -> list[str]:
         *_thin_tools(scene, body, tools),
         *_repaired_tools(tools),
         *_in_vain(scene, body),
+        *_hard_hits(scene, body),
         *_doubts_of_scene(scene, max(found.size)),
         *_few_substeps(scene, body, tools),
     ]
@@ -268,6 +273,37 @@ def _leaps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
             for name in beyond_middle(tools, motion)
         ]
     return found
+
+
+def _hard_hits(scene: Scene, body: Body) -> list[str]:
+    """That body and tools meet so fast that the material is crushed where they do: by what the scene says of both, and
+    by a fall onto a plane."""
+    slowest = min(material.wave_speed for material in body.materials)
+    gravity, heights = np.array(scene.gravity), [0.0]
+    for tool in scene.tools.values():
+        if isinstance(tool, PlaneTool):
+            normal = np.array(tool.normal) / np.linalg.norm(tool.normal)
+            heights.append(max(0.0, float(-gravity @ normal) * float(((body.x_rest - tool.point) @ normal).min())))
+    thrown = math.hypot(math.hypot(*scene.body.velocity), math.sqrt(2.0 * max(heights))) if scene.tools else 0.0
+    found = []
+    if thrown > _HARD * slowest:
+        found.append(f"body.velocity: it meets tools at up to {thrown:.3g} m/s, {_blow(thrown, slowest)}")
+    for number, phase in enumerate(scene.motion):
+        key, speed = "", 0.0
+        if isinstance(phase, ClosePhase):
+            key, speed = "close", phase.close
+        elif isinstance(phase, MovePhase):
+            key, speed = "speed", phase.speed
+        if speed > _HARD * slowest:
+            found.append(f"motion.{number}.{key}: {speed:.3g} m/s is {_blow(speed, slowest)}")
+    return found
+
+
+def _blow(speed: float, waves: float) -> str:
+    return (
+        f"{speed / waves:.2g} times the {waves:.3g} m/s of waves in the body: what is hit so fast is crushed before "
+        "the rest of it gives way, and the run may fail; slow it down, or is it in m/s, not in mm/s?"
+    )
 
 
 def _pokes_between(scene: Scene, body: Body, coarse: NDArray[np.bool_], tools: ToolSet) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 from softseam.columns import Columns
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.session import Event
-from softseam_protocol.scene.motion import ClosePhase, GripPhase
+from softseam_protocol.scene.motion import ClosePhase, GripPhase, MovePhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
 
 _TOLD = (EventKind.NOT_DONE, EventKind.FORCE)
@@ -30,16 +30,23 @@ def touched(columns: Columns, tool: str) -> bool:
 
 
 def _idle(scene: Scene, columns: Columns) -> Iterator[str]:
-    """Phases whose tools never touched a body, or took hold of none of its particles."""
+    """Phases whose tools never touched a body, or took hold of none of its particles; a tool is told of once."""
     reached = columns["phase"].max(initial=-1.0)
+    told: set[str] = set()
     held = [columns[f"quantity.{name}"] for name in columns.names("quantity.") if name.rpartition(".")[2] == "held"]
     for number, phase in enumerate(scene.motion):
         if number > reached:
             break
         tools = " and ".join(phase.tools) if isinstance(phase, ClosePhase | GripPhase) else ""
-        if isinstance(phase, ClosePhase) and phase.force is None and phase.until.force is None:
+        if isinstance(phase, ClosePhase):
             if not any(touched(columns, tool) for tool in phase.tools):
+                told.update(phase.tools)
                 yield f"motion[{number}]: {tools} never touched a body: close longer, or begin nearer to it"
+        elif isinstance(phase, MovePhase | TurnPhase):
+            for tool in phase.tools:
+                if tool not in told and not touched(columns, tool):
+                    told.add(tool)
+                    yield f"motion[{number}]: {tool} never touched a body: move it farther, or begin nearer to it"
         elif isinstance(phase, GripPhase) and held and not any(np.nan_to_num(each).any() for each in held):
             yield (
                 f"motion[{number}]: {tools} took hold of nothing: a tool takes the particles within one spacing of it, "

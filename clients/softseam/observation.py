@@ -205,7 +205,7 @@ class Observation:
 
     @property
     def slip(self) -> float:
-        """Largest slip of a touching point on a moving tool [m]."""
+        """Largest slip of a touching point on a moving tool, or what it was when tools lost the body [m]."""
         return self._quantity("slip")
 
     @cached_property

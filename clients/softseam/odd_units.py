@@ -1,4 +1,5 @@
-"""What in a scene is likely in another unit than meant: gravity, speeds, tools far larger or farther than the body."""
+"""What in a scene is likely in another unit than meant: gravity, speeds, friction, tools far larger or farther than the
+body."""
 
 from __future__ import annotations
 
@@ -13,6 +14,8 @@ _HEAVY = 100.0
 """gravity beyond this is no planet's [m/s^2]"""
 _FAST = 100.0
 """bodies that begin faster are unlike what a hand throws [m/s]"""
+_STICKY = 5.0
+"""friction beyond this is no pair of materials': rubber on rubber has 1 to 4 [1]"""
 _FAR, _TIMES = 5.0, 100.0
 """tools that reach, or stand, farther than both this [m] and so many times the body's extent are unlike a hand's"""
 
@@ -32,6 +35,11 @@ def odd_units(scene: Scene, size: float) -> list[str]:
     if speed > _FAST:
         found.append(f"body.velocity: {speed:.4g} m/s is faster than a hand throws; is it in m/s, not in mm/s?")
     for name, tool in scene.tools.items():
+        if tool.friction > _STICKY:
+            found.append(
+                f"tools.{name}.friction: {tool.friction:.4g} is more than any materials have, so that nothing slides; "
+                "is it a coefficient, not in percent?"
+            )
         if not isinstance(tool, PlaneTool):
             found += _odd_tool(scene, name, tool, size)
     return found

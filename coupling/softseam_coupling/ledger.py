@@ -4,8 +4,14 @@
 
 K, U, G: kinetic, strain and gravity energy of both sides. `tool_work` is what contact does to the body; the tools'
 motion does more, by what sliding friction takes. `dissipation` is what (1) leaves: the numerical dissipation of the
-integrators, and their solvers' residuals. It may not be negative beyond rounding: then a scheme creates energy, and
-that is an alarm. `switch` is the energy that a region switch added.
+integrators, and their solvers' residuals. `switch` is the energy that a change of model added, of regions or of the
+quadrature of cells.
+
+What one step creates and others take is a fluctuation; a scheme that creates energy does so again and again. So the
+alarm goes by a cumulated sum (E. S. Page, Continuous inspection schemes, Biometrika 41, 1954),
+    created <- max(0, created - dissipation)                                                (2)
+which is what was created since the run was last lowest. The same holds of contact, which gives the body no more than
+the tools' motion puts in: sum(contact_loss) >= 0, but for the little that points which yield give back.
 """
 
 from __future__ import annotations
@@ -21,6 +27,9 @@ class Alarm(Enum):
 
     SEAM_WORK = "the seam does more work than 0.1 % of the energy: tighten its tolerance, or shorten the step"
     CREATED = "energy appears from nowhere: shorten the step; is the integrator pair stable with this scheme?"
+    CONTACT = (
+        "contact does more work on the body than the tools' motion puts in: shorten the step, or slow the tools down"
+    )
     SWITCH = "the region switch cost more than its share of the energy: switch earlier or let the body calm down"
 
 
@@ -50,17 +59,22 @@ class LedgerState:
     switch: float = 0.0
     pending: float = 0.0
     """change by switches since the last step"""
+    created: float = 0.0
+    """by steps since the run was last lowest, eq. (2)"""
+    contact_loss: float = 0.0
+    """what contact took of the work of the tools' motion: friction, and what points that yield may give back"""
 
     def to_list(self) -> list[float]:
         """Numbers for a checkpoint, in the order `from_list` expects."""
         sums = [self.scale, self.tool_work, self.seam_work, self.dissipation, self.switch, self.pending]
-        return [self.last.kinetic, self.last.strain, self.last.gravity, *sums]
+        return [self.last.kinetic, self.last.strain, self.last.gravity, *sums, self.created, self.contact_loss]
 
     @classmethod
     def from_list(cls, numbers: list[float]) -> LedgerState:
         """Continue from `to_list`. Raises ValueError where these are other numbers."""
-        kinetic, strain, gravity, scale, tool_work, seam_work, dissipation, switch, pending = numbers
-        return cls(Energies(kinetic, strain, gravity), scale, tool_work, seam_work, dissipation, switch, pending)
+        kinetic, strain, gravity, scale, tool_work, seam_work, dissipation, switch, pending, created, contact = numbers
+        last = Energies(kinetic, strain, gravity)
+        return cls(last, scale, tool_work, seam_work, dissipation, switch, pending, created, contact)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +100,10 @@ class EnergyLedger:
 
     seam_limit: float = 1e-3
     """of the work of the seam, in a step and in sum [1]"""
-    created_limit: float = 1e-3
-    """of negative dissipation in a step [1]"""
+    created_limit: float = 1e-2
+    """of what steps create, in sum [1]"""
+    contact_limit: float = 0.05
+    """of what contact does beyond what the tools' motion puts in, in sum [1]"""
     switch_limit: float = 1e-2
     """of a switch, relative to the scale and `standing` together [1]"""
     standing: float = 0.0
@@ -104,8 +120,10 @@ class EnergyLedger:
         scale = self.floor if state is None else state.scale
         return abs(change) / (scale + self.standing)
 
-    def open(self, energies: Energies) -> LedgerState:
-        return LedgerState(energies, scale=max(self.floor, energies.kinetic + energies.strain))
+    def open(self, energies: Energies, contact_loss: float = 0.0) -> LedgerState:
+        """After the first step, which counts for what contact took alone [J]."""
+        scale = max(self.floor, energies.kinetic + energies.strain)
+        return LedgerState(energies, scale=scale, contact_loss=contact_loss)
 
     def switched(self, state: LedgerState, energies: Energies) -> float:
         """Book a region switch after which the body has these energies; returns the change [J]."""
@@ -121,28 +139,37 @@ class EnergyLedger:
         tool_work: float,
         seam_work_near: float,
         seam_work_far: float,
+        passing: float = 0.0,
+        contact_loss: float = 0.0,
     ) -> LedgerEntry:
         """Book a committed step, and any switch since the last one, by eq. (1).
+
+        passing       what cells gained as they passed between quadratures [J]
+        contact_loss  work of the tools' motion that did not arrive in the body [J]
 
         Sides that interpolate in different ways are handed the same nodes, and are apart between them. The first step
         after a switch closes that gap: what the seam does in it counts as a part of the switch.
         """
         last = state.last
         seam_work = seam_work_near + seam_work_far
-        dissipation = tool_work + seam_work - (energies.total - last.total)
+        dissipation = tool_work + seam_work + passing - (energies.total - last.total)
         switch = state.pending
         state.last, state.pending = energies, 0.0
         state.tool_work += tool_work
         seam_alone = 0.0 if switch else seam_work
         state.seam_work += seam_alone
         state.dissipation += dissipation
-        state.switch += switch
+        state.switch += switch + passing
+        state.created = max(0.0, state.created - dissipation)
+        state.contact_loss += contact_loss
         state.scale = max(state.scale, energies.kinetic + energies.strain, abs(state.tool_work))
         alarms = []
         if max(abs(seam_alone), abs(state.seam_work)) > self.seam_limit * state.scale:
             alarms.append(Alarm.SEAM_WORK)
-        if -dissipation > self.created_limit * state.scale:
+        if state.created > self.created_limit * state.scale:
             alarms.append(Alarm.CREATED)
+        if -state.contact_loss > self.contact_limit * state.scale:
+            alarms.append(Alarm.CONTACT)
         if self.share_of_switch(state, switch + (seam_work - seam_alone)) > self.switch_limit:
             alarms.append(Alarm.SWITCH)
         return LedgerEntry(
@@ -152,7 +179,7 @@ class EnergyLedger:
             tool_work,
             seam_work,
             dissipation,
-            switch,
+            switch + passing,
             state.scale,
             tuple(alarms),
         )

@@ -60,7 +60,11 @@ QUANTITIES: Table[Quantity] = Table(
             group="grip",
         ),
         "slip": Quantity(
-            "m", "farthest that a touching point has slid along a tool", always=True, at_rest=0.0, group="grip"
+            "m",
+            "farthest that a touching point has slid along a tool, or had when tools lost it",
+            always=True,
+            at_rest=0.0,
+            group="grip",
         ),
         "peak_von_mises": Quantity(
             "Pa",

@@ -115,3 +115,32 @@ def test_without_bodies_the_scene_alone_tells(old: str, new: str, words: str, tm
     path.write_text(SCENE.replace(old, new).replace("2.0e4", "200"))
     (told,) = doubts(load_scene(path).scene, {})
     assert told.startswith(words.split(": ", 1)[1])
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        (
+            {"cell: 0.01": "cell: 0.01\n  velocity: [0, 0, -20]"},
+            "body.velocity: it meets tools at up to 20 m/s, 2.3 times",
+        ),
+        ({"close: 0.02": "close: 20"}, "motion.0.close: 20 m/s is 2.3 times the 8.71 m/s of waves in the body"),
+        (
+            {"  left: {": "  floor: {kind: plane, point: [0, 0, -3]}\n  left: {"},
+            "body.velocity: it meets tools at up to 7.67",
+        ),
+        ({"cell: 0.01": "cell: 0.01\n  velocity: [0, 0, -3]"}, ""),
+        ({"close: 0.02": "close: 4"}, ""),
+        ({"close: 0.02": "close: 20", "young: 2.0e4": "young: 2.0e6"}, ""),
+        ({"  left: {": "  floor: {kind: plane, point: [0, 0, -0.5]}\n  left: {"}, ""),
+    ],
+)
+def test_hits_that_crush_the_material_are_doubtful(changes: dict[str, str], key: str, tmp_path: Path) -> None:
+    """Faster than half the speed of waves: thrown, pressed, or fallen by three metres."""
+    text = SCENE
+    for old, new in changes.items():
+        text = text.replace(old, new, 1)
+    path = tmp_path / "hit.yaml"
+    path.write_text(text)
+    found = [line for line in warnings_of_check(path) if "what is hit so fast" in line]
+    assert [key in line for line in found] == [True] if key else not found

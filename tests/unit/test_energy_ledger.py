@@ -46,6 +46,44 @@ def test_the_gap_that_a_switch_leaves_is_closed_at_the_cost_of_the_switch() -> N
         assert ledger.step(state, Energies(1.001, 0.0, 0.0), 0.0, 0.002, 0.0).alarms == (Alarm.SEAM_WORK,)
 
 
+def created_by(lost: list[float]) -> list[int]:
+    """Steps at which the alarm rings, of steps that lose these shares of the energy, made up for by the tools."""
+    ledger, rung = EnergyLedger(), []
+    state = ledger.open(Energies(0.0, 1.0, 0.0))
+    for step, loss in enumerate(lost):
+        state.tool_work = 0.0
+        if Alarm.CREATED in ledger.step(state, Energies(0.0, 1.0, 0.0), loss, 0.0, 0.0).alarms:
+            rung.append(step)
+    return rung
+
+
+def test_what_steps_lose_and_create_by_turns_is_no_alarm() -> None:
+    """However long, and however much more is lost than created; but what grows rings, however slowly."""
+    assert created_by([5e-3, -5e-3] * 500) == []
+    assert created_by([-5e-3, 5e-3] * 500) == []
+    assert created_by([5e-2, *[-1e-4] * 99]) == []
+    assert created_by([5e-2, *[-1e-4] * 110])[0] == 101
+    assert created_by([-5e-3, 3e-3] * 20)[0] == 6
+    assert created_by([-2e-2]) == [0]
+
+
+@pytest.mark.parametrize(("share", "rings"), [(0.0, False), (0.03, False), (0.07, True), (1.0, True)])
+def test_contact_gives_no_more_than_the_tools_put_in(share: float, rings: bool) -> None:
+    """Beside a twentieth of the energy, which points lend that give way."""
+    ledger = EnergyLedger()
+    state = ledger.open(Energies(0.0, 1.0, 0.0))
+    entry = ledger.step(state, Energies(0.5, 1.0, 0.0), 0.5, 0.0, 0.0, contact_loss=-1.5 * share)
+    assert (Alarm.CONTACT in entry.alarms) == rings
+    assert ledger.step(state, Energies(0.5, 1.0, 0.0), 0.0, 0.0, 0.0, contact_loss=0.0).alarms == entry.alarms
+
+
+def test_cells_that_pass_between_quadratures_are_booked_as_a_switch() -> None:
+    ledger = EnergyLedger()
+    state = ledger.open(Energies(0.0, 1.0, 0.0))
+    entry = ledger.step(state, Energies(0.0, 1.25, 0.0), 0.0, 0.0, 0.0, passing=0.25)
+    assert (entry.switch, entry.dissipation, entry.alarms) == (0.25, 0.0, ()) and state.switch == 0.25
+
+
 def test_state_survives_a_checkpoint() -> None:
     ledger = EnergyLedger()
     state = ledger.open(Energies(1.0, 2.0, 3.0))

@@ -193,3 +193,60 @@ def test_tools_that_close_on_nothing_are_told_of(until: dict[str, float]) -> Non
 def test_a_phase_that_was_never_begun_has_not_failed_to_touch() -> None:
     motion = [{"hold": 0.1}, {"hold": 0.1}, {**CLOSE, "until": {"time": 0.4}}]
     assert report_of({"motion": motion}, touching=False)["not_done"] == []
+
+
+FINGERS: dict[str, dict[str, Any]] = {
+    "box": {"kind": "box", "size": [0.01, 0.01, 0.01]},
+    "sphere": {"kind": "sphere", "radius": 0.005},
+    "capsule": {"kind": "capsule", "radius": 0.004, "length": 0.01},
+    "cylinder": {"kind": "cylinder", "radius": 0.004, "length": 0.01},
+}
+SOFT = {"material": {"young": 2e4, "poisson": 0.3, "density": 1000}, "cell": 0.01}
+BODIES: dict[str, dict[str, Any]] = {
+    "fem": {"shape": {"kind": "block", "size": [0.02, 0.02, 0.02]}, **SOFT, "regions": {"default": "fem"}},
+    "pbd": {"shape": {"kind": "block", "size": [0.02, 0.02, 0.02]}, **SOFT, "regions": {"default": "pbd"}},
+    "sheet": {"kind": "sheet", "size": [0.02, 0.02], "divisions": [4, 4], "density": 0.1, "stretch": 100},
+}
+MOTIONS: dict[str, dict[str, Any]] = {
+    "moves": {"tools": ["finger"], "move": [0, 0, -0.0123], "speed": 0.2},
+    "turns": {"tools": ["finger"], "turn": [0.1, 0, 0], "speed": 2.0, "about": [0, 0.123, 0]},
+    "closes": {"tools": ["finger", "ground"], "close": 0.2, "until": {"time": 0.06}},
+    "presses": {"tools": ["finger", "ground"], "close": 0.2, "force": 0.5, "until": {"time": 0.06}},
+}
+
+
+@pytest.mark.parametrize("kind", FINGERS)
+@pytest.mark.parametrize(
+    ("model", "how"), [(model, how) for model in BODIES for how in MOTIONS if (model, how) != ("sheet", "presses")]
+)
+@pytest.mark.parametrize("reaches", [True, False])
+def test_a_tool_that_moved_and_reached_nothing_is_told_of(kind: str, model: str, how: str, reaches: bool) -> None:
+    """Each kind of tool, drive and model: pressed on the middle of the top, or beside the body."""
+    told = reached(FINGERS[kind], BODIES[model], MOTIONS[how], [0.0 if reaches else 0.06, 0.0, 0.032])
+    assert reaches != any("motion[0]: finger" in text and "never touched a body" in text for text in told)
+
+
+def reached(finger: dict[str, Any], body: dict[str, Any], phase: dict[str, Any], position: list[float]) -> list[str]:
+    sheet = body.get("kind") == "sheet"
+    fixed = [{"min": [-1, -1, -1], "max": [-0.0099, 1, 1]}, {"min": [0.0099, -1, -1], "max": [1, 1, 1]}]
+    regions = body.get("regions", {"default": "pbd"})
+    scene = Scene.model_validate(
+        {
+            "softseam": 1,
+            "name": "finger",
+            "step": 0.005,
+            "body": {k: v for k, v in body.items() if k != "regions"}
+            | {"position": [0, 0, 0.02 if sheet else 0], "fixed": fixed},
+            "regions": regions,
+            "tools": {"ground": {"kind": "plane", "point": [0, 0, -0.2]}, "finger": {**finger, "position": position}},
+            "motion": [phase],
+        }
+    )
+    bundle = bundle_scene(scene)
+    builder, simulation = ReportBuilder(bundle), Simulation(bundle, EmbeddedTransport())
+    while not simulation.done:
+        builder.add(simulation.step())
+    simulation.close()
+    found = builder.build()["not_done"]
+    assert isinstance(found, list)
+    return found

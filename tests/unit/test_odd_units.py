@@ -73,3 +73,11 @@ def test_tools_in_millimetres(tool: dict[str, Any], words: str) -> None:
 def test_a_large_body_has_large_tools() -> None:
     tool = {"kind": "box", "size": [8, 8, 0.1], "position": [0, 0, -0.05]}
     assert odd_units(scene(tools={"belt": tool}), 0.05) and not odd_units(scene(tools={"belt": tool}), 0.2)
+
+
+@pytest.mark.parametrize(("friction", "told"), [(50.0, True), (6.0, True), (4.0, False), (0.0, False)])
+def test_friction_in_percent(friction: float, told: bool) -> None:
+    tool = {"kind": "box", "size": [0.01, 0.06, 0.06], "position": [-0.043, 0, 0.03], "friction": friction}
+    found = odd_units(scene(tools={"finger": tool, "floor": {"kind": "plane", "friction": friction}}), 0.05)
+    words = f"friction: {friction:g} is more than any materials have"
+    assert [text.split(".")[1] for text in found if words in text] == (["finger", "floor"] if told else [])

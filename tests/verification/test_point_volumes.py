@@ -16,7 +16,6 @@ from softseam_protocol.scene.models import FemSpec
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.integrators.table import longest_substep
 from softseam_services.fem.kernels.point_volumes import FIRST, WATCHED, strain_energy, watch_cells
-from softseam_services.fem.kernels.quadrature_blending import share_cells
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -65,7 +64,7 @@ def test_forces_and_stiffness_are_those_of_an_energy(element: ElementKind, stiff
     """An edge pressed in, some cells full quadrature in part, at last points inside out; in one case two materials."""
     case = _case(element, stiff)
     x = _pressed(case, by)
-    share_cells(x, case.model, case.parameters, case.work)
+    case.share(x)
     _watch(case, x)
     mu = case.parameters.full.parameters[case.parameters.full.blend[case.work.watched], :, 0]
     assert (np.ptp(mu, axis=1) > 0.0).any() == stiff

@@ -300,7 +300,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             lift=np.where(self._lifting, middle - self._base, 0.0),
             air=np.maximum(self._apart - self._width - 2.0 * self._closed, 0.0),
             force=np.minimum(*pressing),
-            slip=found.slip.astype(np.float64),
+            slip=found.slip.astype(np.float64) if then is None else np.where(found.slip > 0.0, found.slip, then.slip),
             compression=squeezed if then is None else np.maximum(squeezed, then.compression),
             stress=self._peak if then is None else np.maximum(self._peak, then.stress),
             energy=found.strain.astype(np.float64),

@@ -94,6 +94,8 @@ class EventKind(StrEnum):
 class Detail(StrEnum):
     """What an event or an alarm says besides its kind."""
 
+    CONTACT = "contact"
+    """contact does more work than the tools' motion puts in"""
     CREATED = "created"
     """energy from nowhere"""
     GAP_KEPT = "gap_kept"
@@ -104,6 +106,8 @@ class Detail(StrEnum):
     """tools have met"""
     PARTS = "parts"
     """the seam was stepped in parts"""
+    PIERCED = "pierced"
+    """a tool is inside a body, and nothing touches it"""
     REPEATED = "repeated"
     """the step was repeated with more substeps"""
     SEAM_WORK = "seam_work"

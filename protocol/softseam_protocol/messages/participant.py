@@ -256,6 +256,8 @@ class Advanced:
     """what the alarm says, for programs"""
     then: Advanced | None = None
     """the answer to `Correct.then`; None: that was not served"""
+    passing: float = 0.0
+    """energy that cells gained as the step began by passing to full quadrature or from it, which nothing did [J]"""
 
 
 @message

@@ -8,7 +8,7 @@ import numpy as np
 
 from softseam_services.body.body import Floats
 
-_MAGIC = b"SSFEM4\0\0"
+_MAGIC = b"SSFEM5\0\0"
 
 
 def pack(*arrays: Floats) -> bytes:

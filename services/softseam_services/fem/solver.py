@@ -21,6 +21,7 @@ from softseam_services.fem.kernels import step as kernel
 from softseam_services.fem.kernels.contact import N_STATE
 from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.newton import CONVERGED
+from softseam_services.fem.model import FemModel
 from softseam_services.fem.region_tables import RegionTables
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
@@ -86,6 +87,7 @@ class FemSolver:
             taken_over(tables.model, tables.parameters, x, force, tool, self._n_tools),
             np.zeros((self._stepper.scheme.n_history, len(x), 3)),
             material=np.zeros(self._remembered),
+            share=np.full(_n_blending(tables.model), -1.0),
         )
 
     @property
@@ -186,7 +188,7 @@ class FemSolver:
         now, end = self._committed, self._next
         end.x[:], end.v[:], end.contact[:] = now.x, now.v, now.contact
         end.history[:], end.past, end.level = now.history, now.past, now.level
-        end.material[:] = now.material
+        end.material[:], end.share[:], end.passed[:] = now.material, now.share, now.passed
         self._tentative = False
         self._stepper.fail(now)
         self._stand(now)
@@ -249,6 +251,7 @@ class FemSolver:
             out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3),
             stepper.work.seam_actual.copy(),
             n_blended=self.times * int(stepper.work.mixed[0]),
+            passing=self.times * float(self._next.passed[0] - self._committed.passed[0]),
             n_substeps=taken.n_accepted,
             n_rejected=taken.n_rejected,
             step_error=taken.error,
@@ -326,20 +329,25 @@ class FemSolver:
         self._forget()
         past = np.array([whole.past, float(whole.level)])
         more = [whole.material] if self._model.n_state else []
-        return pack(whole.x, whole.v, whole.contact, whole.history, past, *more)
+        return pack(whole.x, whole.v, whole.contact, whole.history, past, whole.share, whole.passed, *more)
 
     def restore(self, state: bytes) -> None:
         """Replace the state by one that `snapshot` of an equal region returned."""
         n_history, n_points = self._committed.history.shape[0], len(self.tables.whole.model.point_face)
         place, contact_shape = (self.n_nodes, 3), (n_points, self._n_tools, N_STATE)
-        shapes = [place, place, contact_shape, (n_history, *place), (2,)]
+        shapes = [place, place, contact_shape, (n_history, *place), (2,), (_n_blending(self.tables.whole.model),), (1,)]
         shapes += [self._remembered] if self._model.n_state else []
-        x, v, contact, history, past, *others = unpack(state, *shapes)
+        x, v, contact, history, past, share, passed, *others = unpack(state, *shapes)
         material = others[0] if others else np.zeros(self._remembered)
-        self._take_over(FemState(x, v, contact, history, float(past[0]), int(past[1]), material))
+        self._take_over(FemState(x, v, contact, history, float(past[0]), int(past[1]), material, share, passed))
         self._forget()
 
     def _forget(self) -> None:
         self._tentative = False
         self._step = None
         self._stepper.forget()
+
+
+def _n_blending(model: FemModel) -> int:
+    """Cells whose share of full quadrature is remembered."""
+    return len(model.cell_nodes) if model.blends else 0

@@ -20,6 +20,8 @@ class StateArrays(NamedTuple):
     v: Floats
     contact: Floats
     history: Floats
+    share: Floats
+    passed: Floats
 
 
 @dataclass
@@ -40,18 +42,24 @@ class FemState:
     """substeps by error begin with 2^-level of the step"""
     material: Floats = field(default_factory=lambda: np.zeros((0, 8, 0)))
     """what a material with state remembers, of each octant (c, 8, n); (0, 8, 0) of others"""
+    share: Floats = field(default_factory=lambda: np.zeros(0))
+    """of full quadrature in each cell over the last step, negative where there was none (c,); (0,) where cells keep
+    their quadrature, see kernels/quadrature_blending.py"""
+    passed: Floats = field(default_factory=lambda: np.zeros(1))
+    """energy that cells gained as they passed between quadratures, since the state was first made (1,) [J]"""
 
     @cached_property
     def arrays(self) -> StateArrays:
-        """x, v, contact and history for the kernels; to make them takes longer than to copy a small state."""
-        return StateArrays(self.x, self.v, self.contact, self.history)
+        """What kernels step, as one; to make them takes longer than to copy a small state."""
+        return StateArrays(self.x, self.v, self.contact, self.history, self.share, self.passed)
 
     def copy(self) -> FemState:
         arrays = self.x.copy(), self.v.copy(), self.contact.copy(), self.history.copy()
-        return FemState(*arrays, self.past, self.level, self.material.copy())
+        blending = self.share.copy(), self.passed.copy()
+        return FemState(*arrays, self.past, self.level, self.material.copy(), *blending)
 
     def into(self, other: FemState) -> None:
         """Write this state over the other."""
         other.x[:], other.v[:], other.contact[:], other.history[:] = self.x, self.v, self.contact, self.history
         other.past, other.level = self.past, self.level
-        other.material[:] = self.material
+        other.material[:], other.share[:], other.passed[:] = self.material, self.share, self.passed

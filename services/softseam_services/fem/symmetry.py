@@ -90,7 +90,9 @@ class Reduction:
             history[0] += self.shift
         contact = np.zeros((*points.shape, state.contact.shape[2]))
         unfold_contact(self.axis, self.place, self.image, self.on, points.of_image, state.contact, contact)
-        return FemState(x, v, contact, history, state.past, state.level)
+        share = state.share[self.cell] if len(state.share) else state.share.copy()
+        more = {"share": share, "passed": self.times * state.passed}
+        return FemState(x, v, contact, history, state.past, state.level, **more)
 
     def restrict(self, state: FemState, points: PointImages) -> FemState:
         """The part's of a state of the whole: the mean of a node's images, which keeps momentum where another solver
@@ -107,7 +109,11 @@ class Reduction:
             values[node, axis] = parameters.x_rest[node, axis]
         contact = np.ascontiguousarray(state.contact[points.of_image[0]])
         contact[..., FORCE : FORCE + 3] /= 2.0 ** self.on.sum(axis=0)[:, None, None]
-        return FemState(x, v, contact, np.array(before).reshape(len(before), *x.shape), state.past, state.level)
+        share = np.zeros(len(self.region.cells) if len(state.share) else 0)
+        share[self.cell[: len(state.share)]] = state.share
+        more = {"share": share, "passed": state.passed / self.times}
+        before_now = np.array(before).reshape(len(before), *x.shape)
+        return FemState(x, v, contact, before_now, state.past, state.level, **more)
 
     def _mean(self, values: Floats) -> Floats:
         """Of the images of each node of the part (n', 3), of vectors of the whole (n, 3)."""

@@ -55,9 +55,9 @@ class EnergyBalance:
         self.begun = Energies(0.0, 0.0, 0.0)
         """with which the body begins, before the first step"""
 
-    def book(self, sides: Sides, replies: Mapping[str, Advanced], solution: Outcome) -> Entry:
-        """A step was taken."""
-        kinetic = strain = gravity = tool_work = seam_work = penetration = 0.0
+    def book(self, sides: Sides, replies: Mapping[str, Advanced], solution: Outcome, drive_work: float) -> Entry:
+        """A step was taken, in which the tools' motion put this in [J]."""
+        kinetic = strain = gravity = tool_work = seam_work = passing = penetration = 0.0
         momentum, angular = np.zeros(3), np.zeros(3)
         parts = {}
         for name, reply in replies.items():
@@ -66,6 +66,7 @@ class EnergyBalance:
             gravity += reply.gravity
             tool_work += reply.tool_work
             seam_work += reply.seam_work
+            passing += reply.passing
             momentum += reply.momentum
             angular += reply.angular_momentum
             penetration = max(penetration, reply.penetration)
@@ -89,11 +90,12 @@ class EnergyBalance:
             told = InterfaceReport(solution.gap, solution.exchanges, len(solution.multipliers), force, seam_work)
             interfaces[sides.interface] = told
         energies = Energies(kinetic, strain, gravity)
+        contact_loss = 0.0 if _in_parts(sides, replies, solution) else drive_work - tool_work
         dissipation = switch = 0.0
         if self.ledger is None:
-            self.ledger = self._book.open(energies)
+            self.ledger = self._book.open(energies, contact_loss)
         else:
-            entry = self._book.step(self.ledger, energies, tool_work, seam_work, 0.0)
+            entry = self._book.step(self.ledger, energies, tool_work, seam_work, 0.0, passing, contact_loss)
             dissipation, switch = entry.dissipation, entry.switch
             self.raised = tuple(alarm for alarm in entry.alarms if alarm not in self._told)
             self._told.update(self.raised)
@@ -121,3 +123,9 @@ class EnergyBalance:
         change = energies.kinetic - self.ledger.last.kinetic
         self._book.switched(self.ledger, energies)
         return change
+
+
+def _in_parts(sides: Sides, replies: Mapping[str, Advanced], solution: Outcome) -> bool:
+    """Whether a step was cut: its wrench is of one of its parts then, or a mean, and says nothing of their work."""
+    cut = any(reply.n_substeps > 1 for name, reply in replies.items() if sides.models[name] == "fem")
+    return cut or solution.parts > 1

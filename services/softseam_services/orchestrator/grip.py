@@ -56,6 +56,10 @@ class Grip:
         """Mean force of the body on the two along their axis [N], of wrenches (t, 6) and orientations (t, 4)."""
         return 0.5 * along_axis(self.axis_now(orientation), wrench[self.first, :3], wrench[self.second, :3])
 
+    def compression(self, position: Floats, orientation: Floats) -> float:
+        """1 - gap/width at tool poses (t, 3) [m], (t, 4); 0 of a sheet across the axis, which has no width."""
+        return 1.0 - self.gap(position, orientation) / self.width if self.width > 0.0 else 0.0
+
     def gap(self, position: Floats, orientation: Floats) -> float:
         """Clear way between the two at tool poses (t, 3) [m], (t, 4)."""
         return along_axis(self.axis_now(orientation), position[self.first], position[self.second]) - self.thickness

@@ -92,7 +92,7 @@ class Program:
 
     def compression(self, position: Floats, orientation: Floats) -> float:
         """1 - (gap between the gripping tools)/(width of the body at rest), or 0 without a grip."""
-        return 0.0 if self.grip is None else 1.0 - self.grip.gap(position, orientation) / self.grip.width
+        return 0.0 if self.grip is None else self.grip.compression(position, orientation)
 
     def closing_force(self, progress: Progress, wrench: Floats, orientation: Floats) -> float:
         """Mean force on the tools that close in this phase [N], of wrenches (t, 6) [N, N m]; 0 in others."""
@@ -177,7 +177,7 @@ class Program:
             return ""
         if progress.elapsed + self._dt < phase.until.time * (1.0 - _ROUNDING):
             return ""  # something else ended it
-        return unreached(progress.phase, phase, 1.0 - grip.gap(position, orientation) / grip.width, force)
+        return unreached(progress.phase, phase, grip.compression(position, orientation), force)
 
     def left_out(self, progress: Progress, position: Floats, orientation: Floats, duration: float) -> str:
         """What to say of a motion that stands here when the duration [s] of a run is over; '' where it is over, too."""

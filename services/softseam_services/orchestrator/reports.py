@@ -47,7 +47,7 @@ def step_report(
         energy = {name: value + entry.energy[name] for name, value in energy.items()}
         momentum = momentum + entry.momentum
         angular = angular + entry.angular_momentum
-    drive_work = -dt * float(np.vdot(wrench, command))
+    drive_work = work_of_drive(wrench, command, dt)
     energy |= {"drive_work": drive_work, "contact_loss": drive_work - energy["tool_work"]}
     return StepReport(
         header,
@@ -81,6 +81,11 @@ def worst(estimates: Mapping[str, ErrorEstimate]) -> ErrorEstimate | None:
     if len(estimates) == 1:
         return estimates[name]
     return replace(estimates[name], text=f"{name}: {estimates[name].text}")
+
+
+def work_of_drive(wrench: Floats, command: Floats, dt: float) -> float:
+    """What tools that move so (t, 6) [m/s, rad/s] over dt [s] put into what does this to them (t, 6) [N, N m]; [J]."""
+    return -dt * float(np.vdot(wrench, command))
 
 
 def wrench_of(replies: Mapping[str, Advanced]) -> Floats:

@@ -27,6 +27,10 @@ class SavedBody:
 
     lift_base: float
     """[m]"""
+    slip: float
+    """as of the last step in which tools that move had the body [m]"""
+    felt: bool
+    """whether that was the last step"""
     ledger: LedgerState | None
     """None before the first step"""
     begun: Energies
@@ -44,6 +48,7 @@ class SavedBody:
         """What `read` makes it of."""
         found: dict[str, NDArray[np.generic] | bytes] = {
             "lift_base": np.array([self.lift_base]),
+            "slip": np.array([self.slip, self.felt]),
             "ledger": np.array([] if self.ledger is None else self.ledger.to_list(), dtype=np.float64),
             "begun": np.array([self.begun.kinetic, self.begun.strain, self.begun.gravity]),
             "errors": self.errors,
@@ -59,6 +64,8 @@ class SavedBody:
         ledger = entries["ledger"].astype(np.float64).tolist()
         return cls(
             lift_base=float(entries["lift_base"].astype(np.float64)[0]),
+            slip=float(entries["slip"].astype(np.float64)[0]),
+            felt=bool(entries["slip"].astype(np.float64)[1]),
             ledger=LedgerState.from_list(ledger) if ledger else None,
             begun=Energies(*entries["begun"].astype(np.float64).tolist()),
             errors=entries["errors"].astype(np.float64),

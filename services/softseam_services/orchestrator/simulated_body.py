@@ -17,6 +17,7 @@ from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.creep import Creep
 from softseam_services.orchestrator.energy_balance import EnergyBalance, Entry
 from softseam_services.orchestrator.error_estimate import ErrorEstimator
+from softseam_services.orchestrator.pierced import Pierced
 from softseam_services.orchestrator.probes import Probes
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.quantities import Quantities
@@ -25,7 +26,7 @@ from softseam_services.orchestrator.saved_state import SavedBody
 from softseam_services.orchestrator.sides import resting_state
 from softseam_services.orchestrator.step_warnings import StepWarnings, Tell
 from softseam_services.orchestrator.transport import Transport
-from softseam_services.orchestrator.whereabouts import LOOK_EVERY, Whereabouts
+from softseam_services.orchestrator.whereabouts import LOOK_EVERY, Whereabouts, box_of
 from softseam_services.server import Setup
 
 Floats = NDArray[np.float64]
@@ -66,6 +67,7 @@ class SimulatedBody:
         self.errors = ErrorEstimator(self.body, self.scene)
         self.warnings = StepWarnings(self.scene, tell)
         self.whereabouts = Whereabouts(self.body, setup.tools, tell)
+        self.pierced = Pierced(self.body, setup.tools, tell)
         self.creep = Creep(self.body, setup.tools, LOOK_EVERY * self.scene.step, tell)
         self._quantities = Quantities(self.body, program, self.scene.quantities, gripped)
         self._probes = Probes(self.body, points) if isinstance(self.body, Body) else None
@@ -73,15 +75,17 @@ class SimulatedBody:
         """whether some of its quantities need fields"""
         self.wants_indicators = self._quantities.need_indicators
         """whether some need the participants' error indicators"""
-        self._lift_base = 0.0
+        self._near = np.array(setup.tools.near, dtype=np.bool_)
+        self._lift_base, self._slip, self._felt = 0.0, 0.0, False
 
     def reset(self) -> None:
         """Back to the start of the scene."""
-        self._lift_base = 0.0
+        self._lift_base, self._slip, self._felt = 0.0, 0.0, False
         self.errors.reset()
         self.balance.reset()
         self.whereabouts.start()
         self.creep.forget()
+        self.pierced.forget()
         self.participants.stand(self._clock.step)
         self.balance.begun = self.regions.start(resting_state(self.body))
 
@@ -91,6 +95,18 @@ class SimulatedBody:
         """Whether its parts are tied, and asked nothing between so many steps and the next; look: at their fields."""
         asked = (look and self.wants_indicators) or self.regions.looks_after(step)
         return self.participants.tied and not asked
+
+    def watch(
+        self, step: int, replies: Mapping[str, Advanced], wrench: Floats, position: Floats, orientation: Floats
+    ) -> None:
+        """Tell what became of the body by now, after a step that had this wrench on the tools (t, 6) [N, N m]."""
+        self.whereabouts.look(step, replies, position, orientation)
+        self.pierced.look(
+            *(step, box_of(list(replies.values())), wrench, position, orientation),
+            lambda: self.look({}, position, orientation).point_x,
+        )
+        if (step + 1) % LOOK_EVERY == 0:
+            self.creep.look(step, replies, position, orientation)
 
     def look(self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats) -> Frame:
         """The body as it stands, between tools at (t, 3), (t, 4)."""
@@ -109,6 +125,8 @@ class SimulatedBody:
 
         wrench   of this body on the tools (t, 6) [N, N m]
         lifting  whether a tool has risen; before, the height of the body is that from which its lift counts
+
+        What the body had slipped by when tools lost it stays until they touch it again.
         """
         height = self._quantities.height(replies)
         if not lifting:
@@ -116,6 +134,10 @@ class SimulatedBody:
         grip_force = self._quantities.grip_force(wrench, orientation)
         rise = height - self._lift_base
         found = self._quantities.measure(replies, grip_force, position, orientation, frame, rise)
+        felt = bool(wrench[self._near].any())
+        if felt and (found["slip"] > 0.0 or not self._felt):  # else it was lost within the step
+            self._slip = found["slip"]
+        found["slip"], self._felt = self._slip, felt
         probed = {}
         if frame is not None and self._probes is not None:
             probed = self._probes.measure(frame, self.regions.near.model, self.scene.regions.far)
@@ -148,9 +170,9 @@ class SimulatedBody:
         """Let the cut follow its rule after a step; the energies after a switch."""
         return self.regions.follow(replies, motion)
 
-    def book(self, replies: Mapping[str, Advanced], solution: Outcome) -> Entry:
-        """Enter a step into the balance, with the cut that it was taken with."""
-        return self.balance.book(self.regions.sides, replies, solution)
+    def book(self, replies: Mapping[str, Advanced], solution: Outcome, drive_work: float) -> Entry:
+        """Enter a step into the balance, with the cut that it was taken with, and what the tools' motion put in [J]."""
+        return self.balance.book(self.regions.sides, replies, solution, drive_work)
 
     def _named(self, quantities: Mapping[str, float]) -> dict[str, float]:
         return {self._prefix + name: value for name, value in quantities.items()}
@@ -162,6 +184,8 @@ class SimulatedBody:
         participants = self.participants.snapshot()
         return SavedBody(
             lift_base=self._lift_base,
+            slip=self._slip,
+            felt=self._felt,
             ledger=self.balance.ledger,
             begun=self.balance.begun,
             errors=self.errors.to_array(),
@@ -188,7 +212,7 @@ class SimulatedBody:
         """Continue from `save`, after the clock."""
         self.regions.take_near(saved.cells)
         self.errors.take(saved.errors)
-        self._lift_base = saved.lift_base
+        self._lift_base, self._slip, self._felt = saved.lift_base, saved.slip, saved.felt
         self.balance.ledger, self.balance.begun = saved.ledger, saved.begun
         self.participants.stand(self._clock.step)
         self.participants.restore(self.regions.tied(saved.seam), saved.participants)

@@ -29,7 +29,7 @@ from softseam_services.orchestrator.moving_tools import Move, Moved, MovingTools
 from softseam_services.orchestrator.probes import share_probes
 from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.regions import Regions
-from softseam_services.orchestrator.reports import step_report, worst, wrench_of
+from softseam_services.orchestrator.reports import step_report, work_of_drive, worst, wrench_of
 from softseam_services.orchestrator.saved_state import SavedState
 from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.step_warnings import ToolWarnings, naming
@@ -193,6 +193,7 @@ class Simulation:
             body.warnings.forget()
             body.whereabouts.forget()
             body.creep.forget()
+            body.pierced.forget()
         self._report: StepReport | None = None
         self._frames: dict[str, Frame] | None = None
         self._unseen = False  # their fields were asked for, and lost
@@ -226,7 +227,7 @@ class Simulation:
         done = self.done
         frames = self._look(solutions, look or (self._wants_fields and done))
         quantities = self._measure(solutions, wrenches, frames or {})
-        entries, switched = self._book_and_adapt(solutions, move.motion)
+        entries, switched = self._book_and_adapt(solutions, wrenches, move)
         estimates = self._judge(solutions, ongoing and not move.by_hand, moved.phase_ends)
         report = step_report(
             header=self._clock.last_step(),
@@ -243,7 +244,7 @@ class Simulation:
         )
         if switched:
             self._frames = None
-        self._notify(solutions, move, moved, estimates)
+        self._notify(solutions, wrenches, move, moved, estimates)
         if done and ongoing:
             self._tell_not_done(move.by_hand)
         self._report = report
@@ -282,13 +283,16 @@ class Simulation:
             found |= body.measure(replies, wrenches[name], *self._moving.poses, frame, self._moving.lifting)
         return found
 
-    def _book_and_adapt(self, solutions: Solutions, motion: ToolMotion) -> tuple[dict[str, Entry], bool]:
+    def _book_and_adapt(
+        self, solutions: Solutions, wrenches: Mapping[str, Floats], move: Move
+    ) -> tuple[dict[str, Entry], bool]:
         """Enter the step into the balance, then let the cuts follow it; whether one did."""
         entries, switched = {}, False
         for name, body in self.bodies.items():
-            entries[name] = body.book(solutions[name].replies, solutions[name])
+            drive_work = work_of_drive(wrenches[name], move.command, self.scene.step)
+            entries[name] = body.book(solutions[name].replies, solutions[name], drive_work)
         for name, body in self.bodies.items():
-            energies = self._told(partial(body.follow, solutions[name].replies, motion))
+            energies = self._told(partial(body.follow, solutions[name].replies, move.motion))
             if energies is not None:
                 body.balance.switched(energies)
                 switched = True
@@ -310,16 +314,21 @@ class Simulation:
                 found[name] = estimate
         return found
 
-    def _notify(self, solutions: Solutions, move: Move, moved: Moved, estimates: Mapping[str, ErrorEstimate]) -> None:
+    def _notify(
+        self,
+        solutions: Solutions,
+        wrenches: Mapping[str, Floats],
+        move: Move,
+        moved: Moved,
+        estimates: Mapping[str, ErrorEstimate],
+    ) -> None:
         """Tell what of the step is worth an event."""
         at = self._clock.step - 1
         for name, body in self.bodies.items():
             replies = solutions[name].replies
             body.warnings.follow(at, replies, body.balance.raised, estimates.get(name))
             if self.done or self._clock.step % LOOK_EVERY == 0:
-                body.whereabouts.look(at, replies, *self._moving.poses)
-            if self._clock.step % LOOK_EVERY == 0:
-                body.creep.look(at, replies, *self._moving.poses)
+                self._told(partial(body.watch, at, replies, wrenches[name], *self._moving.poses))
         if moved.missed:
             self._event("force", f"step {at}: {moved.missed}")
         if moved.unreached:

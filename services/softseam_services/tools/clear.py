@@ -33,7 +33,7 @@ def check_clear(tools: ToolSet, body: Body) -> None:
     for tool, name in enumerate(tools.names):
         if gap[tool] < -_slack(tools, tool, size):
             problems.append(f"tools.{name}: it starts {-1e3 * gap[tool]:.3g} mm inside the body")
-        elif _any_inside(points, body.surface.triangles, _probes(tools, tool, points)):
+        elif any_inside(points, body.surface.triangles, _probes(tools, tool, points)):
             problems.append(f"tools.{name}: it starts inside the body")
     if problems:
         unit = "".join(f"; {note}" for note in body.notes if LOOKS_LIKE in note)
@@ -73,7 +73,7 @@ def _probes(tools: ToolSet, tool: int, points: Floats) -> Floats:
     return np.asarray(probes[within])
 
 
-def _any_inside(points: Floats, triangles: Ints, probes: Floats) -> bool:
+def any_inside(points: Floats, triangles: Ints, probes: Floats) -> bool:
     """Whether a probe (p, 3) lies inside the closed surface of points (n, 3) and triangles (t, 3)."""
     if not len(probes):
         return False

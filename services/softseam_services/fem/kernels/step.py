@@ -35,7 +35,7 @@ from softseam_services.fem.kernels.newton import (
     seam_pull,
 )
 from softseam_services.fem.kernels.point_volumes import FIRST, WATCHED, loses_volume, watch_cells
-from softseam_services.fem.kernels.quadrature_blending import share_cells
+from softseam_services.fem.kernels.quadrature_blending import FOLLOWS, share_cells
 from softseam_services.fem.kernels.viscous_start import resist
 from softseam_services.jit import njit
 from softseam_services.tools.kernels import cell_distances, tool_travel
@@ -334,7 +334,9 @@ def advance(scheme, model, parameters, now, end, inputs, settings, work, result,
     for s in range(len(model.seam)):
         for i in range(3):
             work.force[model.seam[s], i] += inputs.seam_force[s, i]
-    share_cells(x0, model, parameters, work)
+    end.passed[0] = now.passed[0] + share_cells(
+        x0, now.share, 1.0 if scheme.kind == STATIC else FOLLOWS, model, parameters, work, end.share
+    )
     work.watched[:] = False
     work.watches[0] = 0
     if loses_volume(model):
