@@ -200,7 +200,9 @@ _TOLD_BY_KIND = {
     EventKind.SOLVER: "a step was kept that had not converged",
 }
 _TOLD_BY_DETAIL = {
+    Detail.CONTACT: "alarm: contact does work",
     Detail.MET: "event: the tools have met",
+    Detail.PIERCED: "event: a tool is inside a body",
     Detail.TOO_FAR: "event: a tool moves too far in a step",
     Detail.UNCONVERGED: "monitor of PBD: not converged",
     Detail.INSIDE_OUT: "monitor of FEM: cells are inside out",

@@ -59,10 +59,12 @@ class Pierced:
         """
         if self._told.all():
             return
+        away = np.maximum(bounds[0] - position, position - bounds[1]).max(axis=1)
+        idle = ~(wrench.any(axis=1) | self._told | (away > self._tools.reach))
         points: Floats | None = None
-        for tool in np.flatnonzero(~wrench.any(axis=1) & ~self._told).tolist():
-            turn = orientation[tool]
-            places = position[tool] + np.array([rotate(turn, *middle) for middle in self._middles[tool]])
+        for tool in np.flatnonzero(idle).tolist():
+            turn = np.array([rotate(orientation[tool], *axis) for axis in np.eye(3)])
+            places = position[tool] + self._middles[tool] @ turn
             places = places[((places > bounds[0]) & (places < bounds[1])).all(axis=1)]
             if not len(places):
                 continue
