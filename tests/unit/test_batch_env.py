@@ -86,6 +86,25 @@ def test_pads_that_rise_at_once_have_lifted_nothing() -> None:
     envs.close()
 
 
+def test_a_piece_that_was_lost_keeps_what_it_slipped_by() -> None:
+    """Pads that hardly press rise along it, then open: in the batch as in the ordinary session."""
+    envs, one = BatchEnv(2, reward=FULL), TofuLift(model="xpbd", reward=FULL)
+    _, info = envs.reset(seed=6)
+    one.reset(seed=6)
+    held = 0.0
+    for step in range(22):
+        action = [0.8, 0.0] if info["grip_force"][0] < 0.1 and step < 12 else [-0.2, 0.3] if step < 16 else [-1.0, 0.0]
+        _, _, _, _, info = envs.step(np.tile(action, (2, 1)))
+        *_, told = one.step(action)
+        assert info["slip"][0] == pytest.approx(told["slip"], abs=2e-5)
+        if info["grip_force"][0] == 0.0 and step > 16:
+            held = held or float(info["slip"][0])
+            assert info["slip"][0] == held
+    assert held > 1e-4 and info["grip_force"][0] == 0.0
+    one.close()
+    envs.close()
+
+
 def test_episodes_know_nothing_of_those_before(envs: BatchEnv) -> None:
     first = _bits(envs, 3)
     for _ in range(30):
