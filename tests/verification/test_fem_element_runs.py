@@ -132,8 +132,9 @@ def test_shares_survive_a_snapshot() -> None:
     assert 0 < reply.n_blended and 0.0 < run.solver.state.share.mean() < 1.0 and reply.passing > 0.0
     state = run.solver.snapshot()
     ends = []
-    for _ in range(2):
-        run.solver.restore(state)
+    for again in (False, True):
+        if again:
+            run.solver.restore(state)
         replies = [run.step({}, dt=0.02) for _ in range(3)]
         ends.append((run.x.tobytes(), [reply.passing for reply in replies]))
     assert ends[0] == ends[1] and ends[0][1][0] > 0.0
