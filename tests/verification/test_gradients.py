@@ -50,6 +50,11 @@ ROUND: dict[str, Any] = {
         "friction": 0.3,
     },
 }
+FLAT: dict[str, Any] = {
+    **ROUND,
+    "left": {"kind": "cylinder", "radius": 0.012, "length": 0.02, "position": [0.004, 0.003, 0.0605], "friction": 0.4},
+}
+"""the end of the cylinder covers patches in part"""
 PRESS: Commands = [{"left": [0.005, 0.0, -0.02], "right": [-0.015, 0.005, 0.0]}] * 30
 
 
@@ -62,6 +67,7 @@ PRESS: Commands = [{"left": [0.005, 0.0, -0.02], "right": [-0.015, 0.005, 0.0]}]
         ("uneven", squeeze(36, 0.05, 25), YOUNG, 20e3, 1e-6),
         ("at edges", squeeze(30, 0.03, 22), YOUNG, 20e3, 1e-6),
         ("round", PRESS, YOUNG, 20e3, 2e-6),
+        ("flat", PRESS, YOUNG, 20e3, 2e-6),
         ("corotated", squeeze(20), YOUNG, 20e3, 3e-6),
         ("sticking", squeeze(36, 0.03, 25), ALL, 0.8, 1e-3),
         ("sliding", squeeze(36, 0.05, 25), ALL, 0.05, 1e-3),
@@ -86,8 +92,8 @@ def test_a_gradient_is_the_central_difference(
 def _scene(case: str) -> softseam.Scene:
     if case == "clamped":
         return scene({}, body=CLAMP)
-    if case == "round":
-        return scene(ROUND)
+    if case in ("round", "flat"):
+        return scene(ROUND if case == "round" else FLAT)
     if case == "at edges":
         return grasp(0.5, SMALL_PADS)
     if case == "corotated":
@@ -104,6 +110,7 @@ def _scene(case: str) -> softseam.Scene:
         ("sliding", squeeze(36, 0.05, 25), "left", 8, 0),
         ("at edges", squeeze(30, 0.03, 22), "left", 5, 0),
         ("round", PRESS, "left", 5, 2),
+        ("flat", PRESS, "left", 5, 0),
     ],
 )
 def test_a_gradient_by_the_way_of_a_tool_is_the_central_difference(

@@ -15,6 +15,7 @@ from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import record
 
 from .kernels.block import new_workspace
+from .kernels.patch import find_patch_shares
 from .kernels.probe import probe_seam
 from .kernels.share import find_shares
 from .kernels.thread_team import new_team
@@ -193,10 +194,13 @@ class SeamProbe:
         shares = self._shares
         if len(model.faces.nodes):
             find_shares(model.arrays, parameters.arrays, x, position, orientation, shares)
+        if len(model.outward):
+            find_patch_shares(model.arrays, parameters.arrays, x, position, orientation, shares)
         for bench in self._benches:
             own = bench.scratch.contacts.shares
-            if len(model.faces.nodes):
+            if len(model.faces.nodes) or len(model.outward):
                 np.take(shares.side, self._used, axis=0, out=own.side)
+                np.take(shares.plane, self._used, axis=0, out=own.plane)
                 np.take(shares.give, self._used, axis=0, out=own.give)
             np.take(x, self.ids, axis=0, out=bench.start.x)
             np.take(force, self._used, axis=0, out=bench.start.force)

@@ -35,12 +35,14 @@ class Layout(NamedTuple):
     touches: NDArray[np.bool_]
     """(p, t)"""
     n_surface: int
+    outward: Floats
+    """as of `Points` (p - n_surface,)"""
     outer: OuterFaces
 
     @property
     def key(self) -> bytes:
         """What tells it from others."""
-        points = self.indptr, self.node, self.touches, self.n_surface
+        points = self.indptr, self.node, self.touches, self.n_surface, self.outward
         return key_of(*self.cells, self.coarse, self.seam, *points, *self.outer)
 
 
@@ -63,6 +65,8 @@ class PbdModel:
     """tools that points can touch (p, t)"""
     n_surface: int
     """points of the surface; those inside faces come after them"""
+    outward: Floats
+    """as of `Points` (p - n_surface,)"""
     faces: Faces
 
     @property
@@ -88,6 +92,7 @@ class PbdModel:
             indptr=self.indptr,
             node=self.node,
             touches=self.touches,
+            outward=self.outward,
             face_nodes=self.faces.nodes,
             face_point=self.faces.point,
         )
@@ -110,6 +115,7 @@ def lay_out(body: Body, region: Region, tools: ToolSet, spec: PbdSpec) -> Layout
         node=points.rows[1],
         touches=points.touches,
         n_surface=len(region.points),
+        outward=points.outward,
         outer=find_outer_faces(body, region, tools),
     )
 
@@ -137,6 +143,7 @@ def model_of(layout: Layout) -> PbdModel:
         node=node,
         touches=touches,
         n_surface=layout.n_surface,
+        outward=layout.outward,
         faces=build_faces(cells.nodes, layout.coarse, layout.outer),
     )
 

@@ -17,7 +17,8 @@ from softseam_services.body.contact_points import is_embedded, point_stiffness
 from softseam_services.body.interpolate import point_weights
 from softseam_services.body.outer_faces import outer_faces
 from softseam_services.shapes.branches import CAPSULE, CYLINDER, SPHERE
-from softseam_services.tools.face_points import DENSE, FacePoints, face_points, round_tools
+from softseam_services.tools.face_points import FacePoints, face_points, round_tools
+from softseam_services.tools.kernels import DENSE
 from softseam_services.tools.tool_set import ToolSet
 
 THINNEST = 0.125
@@ -36,6 +37,8 @@ class Points(NamedTuple):
     """(p, t)"""
     give: Floats
     """compliance of contact, 1/r of body/contact_points.py and tools/face_points.py; 0 at nodes (p, t) [m/N]"""
+    outward: Floats
+    """as of `FacePoints`, of those inside faces (p - k,)"""
 
 
 def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Points:
@@ -49,7 +52,7 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
         np.divide(1.0, stiffness, out=give, where=stiffness > 0.0)
     between = round_tools(tools, body) & ~_thin_discs(tools, body)
     if not between.any():
-        return Points((indptr, node, weight), touches, give)
+        return Points((indptr, node, weight), touches, give, np.zeros(0))
     inner = face_points(body, region, outer_faces(body, region), "hex8")
     touches &= ~(between & np.isin(node, inner.node)[:, None])
     return Points(
@@ -60,6 +63,7 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
         ),
         np.concatenate([touches, np.tile(between, (len(inner.cell), 1))]),
         np.concatenate([give, _inner_give(body, region, tools, coarse, inner)]),
+        inner.outward,
     )
 
 

@@ -31,6 +31,7 @@ class ModelArrays(NamedTuple):
     indptr: Ints
     node: Ints
     touches: NDArray[np.bool_]
+    outward: Floats
     face_nodes: Ints
     """as of `Faces` (f, 4), and so are the points"""
     face_point: Ints
@@ -116,7 +117,10 @@ class Shares(NamedTuple):
     """How much tools with edges cover of what points stand for, see `kernels.share`: p points, f faces, t tools."""
 
     side: Ints
-    """side of the tool that covers a part of what the point stands for, -1 where it covers all or nothing (p, t)"""
+    """side of the tool that covers a part of what the point stands for, FLAT where that is a face of a tool that is no
+    box, -1 where it covers all or nothing (p, t)"""
+    plane: Floats
+    """of that face: normal and distance in the tool's frame (p, t, 4)"""
     give: Floats
     """compliance of contact there (p, t) [m/N]"""
     patches: Ints
@@ -202,7 +206,7 @@ def new_shares(model: ModelArrays, t: int) -> Shares:
     """Room for t tools."""
     p, f = len(model.touches), len(model.face_nodes)
     side, patches = np.full((p, t), -1, dtype=np.int32), np.zeros((f, t), dtype=np.int32)
-    return Shares(side, np.zeros((p, t)), patches, np.zeros((p, 2)))
+    return Shares(side, np.zeros((p, t, 4)), np.zeros((p, t)), patches, np.zeros((p, 2)))
 
 
 def new_contacts(model: ModelArrays, n: int, t: int) -> Contacts:

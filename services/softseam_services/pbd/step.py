@@ -16,6 +16,7 @@ from .kernels import summary as k
 from .kernels.block import new_workspace
 from .kernels.leapfrog import advance_leapfrog
 from .kernels.pairs import place_points
+from .kernels.patch import find_patch_shares
 from .kernels.share import find_shares, slip_of_patches
 from .kernels.split import split_forces
 from .kernels.substep import advance_step
@@ -206,6 +207,8 @@ def attempt(
     _tell(model, inputs, n_substeps, scratch)
     if len(model.faces.nodes):
         find_shares(*arrays, work.x, inputs.tools.position, inputs.tools.orientation, shares)
+    if len(model.outward):
+        find_patch_shares(*arrays, work.x, inputs.tools.position, inputs.tools.orientation, shares)
     scratch.pair.run(
         *(n_substeps * n_sweeps, advance_step, *arrays, work, scratch.inputs, scratch.arrays, scratch.outputs),
         *(dt, n_substeps, n_sweeps),

@@ -30,8 +30,6 @@ PATCHES = 4
 """along each edge of a face"""
 SOFT = 8.0
 """contact penalty at these points, E A/h with h the spacing of nodes; see the decision notes"""
-DENSE = 20.0
-"""the same for tools that are no boxes, see `kernels.candidates`"""
 
 
 def _middles() -> tuple[Floats, Floats, Floats]:
@@ -67,6 +65,8 @@ class FacePoints:
     """(q,)"""
     area: Floats
     """(q,) [m^2]"""
+    outward: Floats
+    """1 where u x v of the point's patch points out of the body, -1 where inwards (q,)"""
     patch: Floats
     """middle of the point's patch along u and v, each in [-1, 1] (q, 2)"""
     edge: Floats
@@ -116,6 +116,7 @@ def face_points(body: Body, region: Region, faces: Ints, functions: Functions) -
         local=local,
         face=np.repeat(np.arange(len(nodes), dtype=np.int32), PATCHES**2),
         area=area.ravel(),
+        outward=np.repeat(2.0 * (side % 2) - 1.0, PATCHES**2),
         patch=patch,
         edge=cell_edges(body, region.cells[carrier]),
         face_nodes=np.ascontiguousarray(nodes, dtype=np.int32),

@@ -4,7 +4,8 @@ On an embedded surface a tool presses by p = -r g with r = 20 E A/h (body/contac
 over (c = 0). So it is inside faces with a tool that is no box, where r = 20 E A/h max(1, R/2h), h the spacing of nodes
 and R its radius, where it has one. There are more points than a face has freedoms, and a gap of zero at all of them
 would flatten what curves within a cell. What a thin tool sinks in stands for the waves that the cells lack; a tool wide
-beside them needs none (docs/decisions/43, 45).
+beside them needs none (docs/decisions/43, 45). Where its face covers a patch in part it is
+less (tools/kernels/patch.py).
 """
 
 from __future__ import annotations
@@ -15,8 +16,21 @@ from softseam_services.fem.kernels.contact import ANCHOR, AT_NODE, OPEN, SPREAD,
 from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, pressed_side, see
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
-from softseam_services.tools.face_points import DENSE, SOFT
-from softseam_services.tools.kernels import SLOW, rotate, rotate_back, side_along, side_gap, swept_gap, tool_gap
+from softseam_services.tools.face_points import PATCHES, SOFT
+from softseam_services.tools.kernels import (
+    DENSE,
+    FLAT,
+    SLOW,
+    cover_patch,
+    has_flats,
+    plane_gap,
+    rotate,
+    rotate_back,
+    side_along,
+    side_gap,
+    swept_gap,
+    tool_gap,
+)
 
 _BESIDE = 0.25
 """depth below a side of a box, in edges of the face's cell: a point so deep when the step begins and when it ends, and
@@ -86,6 +100,22 @@ def meets(tools, tool, start, end, plane):
     if met:
         plane[0], plane[1], plane[2], plane[3] = nx, ny, nz, nx * to[0] + ny * to[1] + nz * to[2] - gap
     return met
+
+
+@njit(cache=True, error_model="numpy")
+def cover(x, model, parameters, point, xp, tools, tool, plane):
+    """`cover_patch` of a point inside a face, at xp (3,) where nodes are at x (n, 3), by a tool as the step begins."""
+    face = model.point_face[point]
+    number = (point - len(model.point_face)) % PATCHES**2  # these come last, and face by face
+    up, on = 1 - 2 * (number // PATCHES % 2), 1 - 2 * (number % 2)
+    u, v = np.empty(3), np.empty(3)
+    point_position(x, model, parameters, point + PATCHES * up, u)
+    point_position(x, model, parameters, point + on, v)
+    for i in range(3):
+        u[i], v[i] = up * (u[i] - xp[i]), on * (v[i] - xp[i])
+    outward = 1.0 if model.faces[face, 1] % 2 else -1.0
+    kind, shape = tools.kind[tool], tools.shape[tool]
+    return cover_patch(kind, shape, tools.position[tool], tools.orientation[tool], xp, u, v, outward, plane)
 
 
 @njit(cache=True, error_model="numpy")
@@ -175,6 +205,11 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                     share, carry = DENSE / SOFT, 0.0
                     if kind == SPHERE or kind == CAPSULE or kind == CYLINDER:
                         share *= max(1.0, shape[0] / parameters.face_edge[face])
+                    if has_flats(kind) and gap < parameters.face_edge[face]:
+                        firm = cover(x, model, parameters, point, xp, tools, tool, work.plane[count])
+                        if firm < 1.0:
+                            share, side = firm * share, FLAT
+                            gap = plane_gap(work.plane[count], position, turn, xp)[0]
                 elif face == SPREAD:
                     carry = 0.0
             if gap < reach or touched or work.factored_state[point, tool] != OPEN:
@@ -184,7 +219,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                     inside = tool_gap(kind, shape, tools.position[tool], tools.orientation[tool], xp)[0] < 0.0
                     if inside and touched and coefficient(parameters, point, tool) < 1.0:
                         side = side_along(tools.orientation[tool], f0, f1, f2)
-                if side < 0 and kind != PLANE and not touched and reach > SLOW * tools.reach[tool]:
+                if side == -1 and kind != PLANE and not touched and reach > SLOW * tools.reach[tool]:
                     point_position(v, model, parameters, point, ahead)
                     for i in range(3):
                         ahead[i] = xp[i] + dt * ahead[i]
@@ -203,7 +238,9 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                 work.multiplier[count, 0] = f0
                 work.multiplier[count, 1] = f1
                 work.multiplier[count, 2] = f2
-                if touched and _turns(tools, tool):
+                if side == FLAT:
+                    _turn_along(tools, tool, work.multiplier[count], work.multiplier[count])
+                elif touched and _turns(tools, tool):
                     _turn_force(tools, tool, side, xp, work.multiplier[count])
                 work.state[count] = OPEN
                 work.contact[count] = 0.0
@@ -217,7 +254,9 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                 work.hold[count, 3] = pace
                 if pace < 1.0:
                     position, turn = tools.position[tool], tools.orientation[tool]
-                    if side < 0:
+                    if side == FLAT:
+                        gap = plane_gap(work.plane[count], position, turn, xp)[0]
+                    elif side < 0:
                         gap = tool_gap(kind, shape, position, turn, xp)[0]
                     else:
                         gap = side_gap(side, shape, position, turn, xp)[0]

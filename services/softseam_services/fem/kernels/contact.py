@@ -31,6 +31,8 @@ short steps have a stiffer r (`firmness`). At an edge, where a gap stays, they w
 stiffer by F = min(`firmness`, 1/(1 - c)) only, and 1 - F (1 - c) takes the place of c, which leaves the hold as it is.
 With F at its bound nothing is carried over, and nothing lags.
 
+A patch that another flat tool covers in part has r times its share, too, and meets the plane of the tool's face.
+
 A point that comes by much in a step, and through a tool of which it faces no side, meets the plane at which it met the
 tool on its way: no tool is too thin for a fast body.
 
@@ -44,7 +46,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import rotate, side_gap, tool_gap
+from softseam_services.tools.kernels import plane_gap, side_gap, tool_gap
 
 OPEN, STICK, SLIP = 0, 1, 2
 TO_HOLD, HELD = 3, 4
@@ -53,7 +55,7 @@ AT_NODE, ALONE, SPREAD = -1, -2, -3
 """in model.point_face: a node of a face that has points of its own; a point that touches every tool; and one of the
 many of an embedded surface, which touches every tool, too, and keeps a gap: body/contact_points.py"""
 SWEPT = -2
-"""in work.side: the point meets work.plane"""
+"""in work.side: the point meets work.plane, as it does where that says FLAT (tools/kernels/patch.py)"""
 _STUCK = 0.999
 """of the bound: a multiplier below that did not slip"""
 # columns of work.contact
@@ -82,14 +84,6 @@ def coefficient(parameters, point, tool):
 
 
 @njit(cache=True, error_model="numpy")
-def _plane_gap(plane, position, orientation, point):
-    """Gap to a plane of a tool, normal and distance in its frame (4,), and its outward normal: gap, nx, ny, nz."""
-    nx, ny, nz = rotate(orientation, plane[0], plane[1], plane[2])
-    away = nx * (point[0] - position[0]) + ny * (point[1] - position[1]) + nz * (point[2] - position[2])
-    return away - plane[3], nx, ny, nz
-
-
-@njit(cache=True, error_model="numpy")
 def evaluate_contacts(x, model, parameters, tools, count, work):
     """Eq. (1) for every candidate: fills work.contact, work.state, work.turned and work.gone.
 
@@ -102,8 +96,8 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         row = work.contact[c]
         point_position(x, model, parameters, point, xp)
         orientation = tools.orientation_next[tool]
-        if work.side[c] == SWEPT:
-            gap, nx, ny, nz = _plane_gap(work.plane[c], tools.position_next[tool], orientation, xp)
+        if work.side[c] <= SWEPT:
+            gap, nx, ny, nz = plane_gap(work.plane[c], tools.position_next[tool], orientation, xp)
         elif work.side[c] < 0:
             gap, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation, xp)
         else:

@@ -12,6 +12,8 @@ X moves force and anchor as -dx does, but for the anchor's own place. H of a fla
 central difference of normals. A point that came from far meets a plane (m, b) in the tool's frame, with the gap
 m . (x - X) - b, which follows from where it comes from and where it flies to: there H is 0, and
   dp = -r ((x - X) . dm - db),   dt = -m (q . dm) - (m . q) dm                                                   (4)
+So it is with the plane of a face that covers a patch in part: it follows from where the step begins, and the covered
+share from the places of all nodes of the patch's face there, both by central differences.
 Where a state is about to change, these are of the side that the run is on; `margin` says how near that is.
 """
 
@@ -19,7 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.fem.kernels.candidates import SEVERAL, find_holders, firmness, meets
+from softseam_services.fem.kernels.candidates import SEVERAL, cover, find_holders, firmness, meets
 from softseam_services.fem.kernels.contact import (
     GAP,
     NORMAL,
@@ -35,7 +37,7 @@ from softseam_services.fem.kernels.cover import CARRY_POWER, covered, pressed_si
 from softseam_services.fem.kernels.cover_derivative import differentiate_cover
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, CYLINDER, PLANE
-from softseam_services.tools.kernels import rotate, tool_gap
+from softseam_services.tools.kernels import FLAT, rotate, tool_gap
 
 SMOOTH, ENTERED = 0, 1
 """of a step: its contact has derivatives; a box came in beside its edge"""
@@ -79,7 +81,7 @@ def differentiate_contacts(x0, v0, dt, x, contact, model, parameters, tools, cou
         _bend(c, xp, parameters.edge, tools, work, G, H)
         _differentiate(c, xp, G, H, friction, work, out)
         out.met[c] = 0.0
-        if work.side[c] == SWEPT:
+        if work.side[c] <= SWEPT:
             _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out)
         share, whole, covers = 1.0, 1.0, model.point_face[point] >= 0 and tools.kind[tool] == BOX
         if covers:
@@ -100,6 +102,8 @@ def differentiate_contacts(x0, v0, dt, x, contact, model, parameters, tools, cou
                 for k in range(9):
                     slope = out.cover[c, which, k]
                     slope[0], slope[1], slope[2] = rotate(turn, slope[0], slope[1], slope[2])
+        elif work.side[c] == FLAT:
+            _differentiate_patch(c, x0, model, parameters, tools, work, out)
         _differentiate_hold(c, point, covers, share, whole, model, parameters, inertia, work, out)
     return SMOOTH
 
@@ -140,7 +144,7 @@ def _bend(c, xp, edge, tools, work, G, H):
         G[i] = row[NORMAL + i]
     H[:] = 0.0
     kind = tools.kind[tool]
-    if work.side[c] >= 0 or work.side[c] == SWEPT or kind == PLANE:
+    if work.side[c] != -1 or kind == PLANE:
         return
     shape, position, turn = tools.shape[tool], tools.position_next[tool], tools.orientation_next[tool]
     apart = _APART * edge
@@ -216,7 +220,8 @@ def _differentiate(c, xp, G, H, friction, work, out):
 
 @njit(cache=True, error_model="numpy")
 def _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out):
-    """Eq. (4) of a candidate that meets a plane: force by where its point comes from and by where it flies to."""
+    """Eq. (4) of a candidate that meets a plane: force by where its point comes from and by where it flies to, which
+    the plane of a face does not follow."""
     row, point, tool = work.contact[c], work.pair[c, 0], work.pair[c, 1]
     ends, plane, other = np.empty((2, 3)), np.empty(4), np.empty(4)
     point_position(x0, model, parameters, point, ends[0])
@@ -233,13 +238,22 @@ def _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out):
         for i in range(3):
             e[i] = (q[i] - across * row[NORMAL + i]) / row[TRIAL]
     apart = _APART * parameters.edge
-    for which in range(2):
+    covers = work.side[c] == FLAT
+    for which in range(1 if covers else 2):
         for j in range(3):
             at = ends[which, j]
+            for i in range(4):
+                plane[i] = other[i] = work.plane[c, i]
             ends[which, j] = at + apart
-            meets(tools, tool, ends[0], ends[1], plane)
+            if covers:
+                cover(x0, model, parameters, point, ends[0], tools, tool, plane)
+            else:
+                meets(tools, tool, ends[0], ends[1], plane)
             ends[which, j] = at - apart
-            meets(tools, tool, ends[0], ends[1], other)
+            if covers:
+                cover(x0, model, parameters, point, ends[0], tools, tool, other)
+            else:
+                meets(tools, tool, ends[0], ends[1], other)
             ends[which, j] = at
             for i in range(4):
                 plane[i] = (plane[i] - other[i]) / (2.0 * apart)
@@ -256,6 +270,26 @@ def _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out):
                 moved = squeeze * (dq[i] - turned * e[i]) if slips else dq[i]
                 normal_part = row[NORMAL + i] + (friction * e[i] if slips else 0.0)
                 out.met[c, which, i, j] = -r * gap * normal_part + row[PRESSURE] * plane[i] + moved
+
+
+@njit(cache=True, error_model="numpy")
+def _differentiate_patch(c, x0, model, parameters, tools, work, out):
+    """Slopes of the share of a patch by the nodes of its face, in place; x0 (n, 3) is moved and put back."""
+    point, tool = work.pair[c, 0], work.pair[c, 1]
+    xp, plane, apart = np.empty(3), np.empty(4), _APART * parameters.edge
+    nodes = model.face_nodes[model.point_face[point]]
+    point_position(x0, model, parameters, point, xp)
+    whole = cover(x0, model, parameters, point, xp, tools, tool, plane)
+    per_share = work.hold[c, 0] / (whole * parameters.point_stiffness[point])
+    for k in range(9):
+        for i in range(3):
+            at, between = x0[nodes[k], i], 0.0
+            for sign in (1.0, -1.0):
+                x0[nodes[k], i] = at + sign * apart
+                point_position(x0, model, parameters, point, xp)
+                between += sign * cover(x0, model, parameters, point, xp, tools, tool, plane)
+            x0[nodes[k], i] = at
+            out.cover[c, SHARE, k, i] = per_share * between / (2.0 * apart)
 
 
 @njit(cache=True, error_model="numpy")

@@ -195,7 +195,7 @@ def finish_back(model, parameters, dt, count, owed, work, slopes):
             for i in range(3):
                 slopes.seed[c, i] += y[i]
             _pull_contact(c, model, parameters, owed, work, slopes)
-            if work.side[c] == SWEPT:
+            if work.side[c] <= SWEPT:
                 _pull_met(c, model, parameters, dt, owed, work, slopes)
 
 
@@ -263,7 +263,7 @@ def begin_forward(model, parameters, dt, count, change, work, slopes):
     for c in range(count):
         if work.state[c] != OPEN:
             _push_contact(c, model, parameters, change, work, slopes)
-            if work.side[c] == SWEPT:
+            if work.side[c] <= SWEPT:
                 _push_met(c, model, parameters, dt, change, work, slopes)
             _spread(c, slopes.seed[c], model, parameters, work, right)
 

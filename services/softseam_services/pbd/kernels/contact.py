@@ -29,13 +29,14 @@ import numpy as np
 
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, PLANE
-from softseam_services.tools.kernels import SLOW, box_gap, rotate, rotate_back, side_gap, swept_gap
+from softseam_services.tools.kernels import FLAT, SLOW, box_gap, plane_gap, rotate, rotate_back, side_gap, swept_gap
 
 from .lanes import batch_kernel, four, lane_kernel, three
 from .pairs import (
     ALLOWED,
     BEFORE,
     CHANGE,
+    COVERING,
     DEEP,
     DEPTH,
     EDGED,
@@ -239,11 +240,19 @@ def solve_at_gaps(row, motion, hh, newer):
 
 @njit(cache=True, error_model="numpy")
 def find_side_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
-    """GAP of eight points, to the side of the box whose edge is near, or to the tool."""
+    """GAP of eight points, to the side of the box or the face whose edge is near, or to the tool."""
     for lane in range(EIGHT):
         side, x = rows[group, SIDE + lane], (row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT])
         if side >= 0:
             gap, nx, ny, nz = side_gap(side, shape, place, turn, x)
+        elif side == FLAT:
+            normal = (
+                row[lane + EIGHT * COVERING],
+                row[lane + EIGHT * (COVERING + 1)],
+                row[lane + EIGHT * (COVERING + 2)],
+            )
+            plane = normal[0], normal[1], normal[2], row[lane + EIGHT * (COVERING + 3)]
+            gap, nx, ny, nz = plane_gap(plane, place, turn, x)
         elif kind == BOX:
             u, v, w = rotate_back(turn, x[0] - place[0], x[1] - place[1], x[2] - place[2])
             gap, nx, ny, nz = _faced_gap(row, lane, shape[0], shape[1], shape[2], u, v, w)

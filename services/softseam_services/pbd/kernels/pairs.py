@@ -23,18 +23,20 @@ SOFT        1  compliance of contact where the tool's edge covers a part of what
                points share a block, else 0 [m/N]
 HELD        3  FORCE at the start of the substep, in groups with such points [N]
 STEADY      2  pressure with a memory, by which friction is bounded, and how far friction went beyond the pressure [N]
+COVERING    4  normal and distance of the tool's face that covers a part, in the tool's frame, where SIDE is FLAT
 FACED       3  outward normal, in a box's frame, of the side that the point faced when the substep began, 0 where it
                faced none
 `rows` (g, N_ROWS) says whom they belong to: POINT 8 (-1 where a lane is empty), NODE 8, DIRECT 1 (each point is that
 node, as on a block), DEEP 1 (some point was inside the tool), EDGED 1 (contact has compliance at some points) and then
-SIDE 8 (side of the tool that covers a part of what the point stands for, -1 where it is the whole tool). Groups
+SIDE 8 (side of the tool that covers a part of what the point stands for, FLAT where that is a face of a tool that is no
+box, -1 where it is the whole tool). Groups
 start[t] .. start[t + 1] belong to tool t.
 """
 
 from __future__ import annotations
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import side_gap, tool_gap
+from softseam_services.tools.kernels import FLAT, plane_gap, side_gap, tool_gap
 
 from .lanes import LANES, four, three, transpose_four
 
@@ -42,8 +44,8 @@ EIGHT = 2 * LANES
 """lanes of a group: with four the compiler would write the short loops out, number by number"""
 
 X, W, BEFORE, FORCE, ALLOWED, FRICTION, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 13, 15, 18, 21, 24
-WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED = 27, 28, 29, 33, 36, 37, 38, 41, 43
-N_COLUMNS = 46
+WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, COVERING = 27, 28, 29, 33, 36, 37, 38, 41, 43, 46
+N_COLUMNS = 50
 WIDTH = N_COLUMNS * EIGHT
 POINT, NODE, DIRECT, DEEP, EDGED, SIDE = 0, 8, 16, 17, 18, 19
 N_ROWS = 27
@@ -97,7 +99,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
     point_give, force, slip, steady = parameters.point_give, state.force, state.slip, state.steady
     factor = parameters.friction_factor
     point_x, newest, side, soft = contacts.point_x, contacts.newest, contacts.shares.side, contacts.shares.give
-    start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
+    start, rows, pairs, plane = contacts.start, contacts.rows, contacts.pairs, contacts.shares.plane
     n_nodes = len(newest)
     n_groups = 0
     start[0] = 0
@@ -115,11 +117,14 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
             square = (x[0] - place[0]) ** 2 + (x[1] - place[1]) ** 2 + (x[2] - place[2]) ** 2
             carried = force[point, tool, 0] != 0.0 or force[point, tool, 1] != 0.0 or force[point, tool, 2] != 0.0
             edge = side[point, tool]
-            if square > reach and not carried and edge < 0:
+            if square > reach and not carried and edge == -1:
                 steady[point, tool] = 0.0
                 continue
             if edge >= 0:
                 gap, nx, ny, nz = side_gap(edge, tool_shape, place, turn, x)
+                yields = soft[point, tool]
+            elif edge == FLAT:
+                gap, nx, ny, nz = plane_gap(plane[point, tool], place, turn, x)
                 yields = soft[point, tool]
             else:
                 gap, nx, ny, nz = tool_gap(tool_kind, tool_shape, place, turn, x)
@@ -154,6 +159,8 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
             pairs[group, EIGHT * FRICTION + lane] = parameters.friction[tool] * factor[point]
             if yields > 0.0:
                 rows[group, EDGED], rows[group, SIDE + lane] = 1, edge
+                for c in range(4):
+                    pairs[group, EIGHT * (COVERING + c) + lane] = plane[point, tool, c]
                 pairs[group, EIGHT * SOFT + lane] = yields
                 pairs[group, EIGHT * (GIVE + 1) + lane] = 1.0 / (give + yields) if give > 0.0 else 0.0
             if gap + due < -DEEPEST_ROUNDOFF:
