@@ -273,7 +273,7 @@ def test_faces_count_while_a_corner_rests_on_a_thin_pad() -> None:
             x = rest.copy()
             x[rising, 2] += rise
             find_shares(model.arrays, parameters.arrays, x, place, run.tools.orientation, shares_of)
-            covered, all_of_it = shares_of.held.T
+            covered, all_of_it, _ = shares_of.held.T
             shares.append(covered / np.maximum(all_of_it, 1e-300) if name == "beside" else covered.copy())
         held[name] = np.array(shares)
     np.testing.assert_allclose(held["beside"], np.broadcast_to(held["beside"][0], held["beside"].shape), atol=0.04)

@@ -126,8 +126,8 @@ class Shares(NamedTuple):
     patches: Ints
     """which patches of a face that it presses the tool covers, as bits (f, t)"""
     held: Floats
-    """of each point the stiffness that a tool covers, and that of all faces that look at it, less what has faded
-    (p, 2) [N/m]"""
+    """of each point the stiffness that a tool covers, that of all faces that look at it, less what has faded, and the
+    latter as far as it yields to a strip (p, 3) [N/m]"""
 
 
 @record
@@ -206,7 +206,7 @@ def new_shares(model: ModelArrays, t: int) -> Shares:
     """Room for t tools."""
     p, f = len(model.touches), len(model.face_nodes)
     side, patches = np.full((p, t), -1, dtype=np.int32), np.zeros((f, t), dtype=np.int32)
-    return Shares(side, np.zeros((p, t, 4)), np.zeros((p, t)), patches, np.zeros((p, 2)))
+    return Shares(side, np.zeros((p, t, 4)), np.zeros((p, t)), patches, np.zeros((p, 3)))
 
 
 def new_contacts(model: ModelArrays, n: int, t: int) -> Contacts:

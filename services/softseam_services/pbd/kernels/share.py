@@ -7,7 +7,10 @@ stiffness of all faces around a point, k = sum SOFT (E A/h) N_i, A as the side s
 Where c = 1 the point touches as ever. Where 0 < c < 1 it touches the plane of the side with the compliance
 alpha = 1/(k c) - 1/k,                                                                                            (1)
 what yields about a traction on the covered part, less what the point itself shows about one on all of it: 0 where all
-is covered, infinite where nothing is. So the force follows the poses without steps.
+is covered, infinite where nothing is. So the force follows the poses without steps. A strip yields by the logarithm of
+its width (Johnson, Contact Mechanics, 1985, 2.5) and no more by its inverse, so of a side that is narrower than q = w/h
+blocks eq. (1) counts by
+m = min(1, STRIP q ln(1/q)/(1 - q)).                                                                              (2)
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ from softseam_services.tools.kernels import overlap, rotate_back
 PATCHES = 4
 """along each edge of a face"""
 ALL_PATCHES = (1 << PATCHES**2) - 1
+STRIP = 1.5
+"""compliance of a strip narrower than a block, in ln(1/q)/k: see the decision note"""
 ROUNDOFF = 1e-9
 """of a covered share"""
 
@@ -51,13 +56,15 @@ def find_shares(model, parameters, x, position, orientation, shares):
             stiffness = stiffness_of[face] * _facing(corner, pressing)
             if stiffness > 0.0:
                 above = _above(corner, pressing, shape[tool], edge_of[face])
-                bits = _add_face(corner, pressing, shape[tool], stiffness, above, model.face_point[face], held)
+                counts = above, _strip(pressing, shape[tool], edge_of[face])
+                bits = _add_face(corner, pressing, shape[tool], stiffness, counts, model.face_point[face], held)
                 shares.patches[face, tool] = bits if above > 0.0 else 0
         for point in range(len(held)):
             covered, k = held[point, 0], held[point, 1]
             if ROUNDOFF * k < covered < (1.0 - ROUNDOFF) * k:
                 side[point] = pressing
-                shares.give[point, tool] = (1.0 / covered - 1.0 / k) / parameters.whole[point]  # eq. (1)
+                give = (1.0 / covered - 1.0 / k) / parameters.whole[point]  # eq. (1)
+                shares.give[point, tool] = give * (held[point, 2] / k)
 
 
 @njit(cache=True, error_model="numpy")
@@ -134,9 +141,16 @@ def _within(corner, axis, half):
 
 
 @njit(cache=True, error_model="numpy")
-def _add_face(corner, side, shape, stiffness, above, point, held):
-    """Add a face of this stiffness [N/m], of which what is covered counts with `_above`, to what its points (4,) hold;
-    held (p, 2) in place.
+def _strip(side, shape, edge):
+    """m of eq. (2), of a box of half edges shape on a face of a block of this edge [m]."""
+    q = 2.0 * min(shape[(side + 1) % 3], shape[(side + 2) % 3]) / edge
+    return min(1.0, STRIP * q * np.log(1.0 / q) / (1.0 - q)) if q < 1.0 else 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def _add_face(corner, side, shape, stiffness, counts, point, held):
+    """Add a face of this stiffness [N/m], of which what is covered counts with `_above`, and yields with `_strip`, to
+    what its points (4,) hold; held (p, 3) in place.
 
     Returns which of its patches are covered, at least in part, as bits.
     """
@@ -144,7 +158,7 @@ def _add_face(corner, side, shape, stiffness, above, point, held):
     whole = _within(corner, i, shape[i]) * _within(corner, j, shape[j])
     if whole == 0.0 or whole == 1.0:
         for c in range(4):
-            _hold(point[c], 0.25 * stiffness * whole, 0.25 * stiffness, above, held)
+            _hold(point[c], 0.25 * stiffness * whole, 0.25 * stiffness, counts, held)
         return ALL_PATCHES if whole == 1.0 else 0
     per, k = 1.0 / PATCHES, stiffness / PATCHES**2
     k0, k1, k2, k3, bits = 0.0, 0.0, 0.0, 0.0, 0
@@ -163,16 +177,19 @@ def _add_face(corner, side, shape, stiffness, above, point, held):
             bits += (share > 0.0) << (PATCHES * m + n)
             k0, k1, k2, k3 = k0 + share * w0, k1 + share * w1, k2 + share * w2, k3 + share * w3
     for c in range(4):
-        _hold(point[c], k0 if c == 0 else k1 if c == 1 else k2 if c == 2 else k3, 0.25 * stiffness, above, held)
+        _hold(point[c], k0 if c == 0 else k1 if c == 1 else k2 if c == 2 else k3, 0.25 * stiffness, counts, held)
     return bits
 
 
 @njit(cache=True, error_model="numpy")
-def _hold(point, covered, all_of_it, above, held):
+def _hold(point, covered, all_of_it, counts, held):
     """What is covered and does not count stands for nothing: what is covered beside it is no smaller share for that."""
     if point >= 0:
+        above, strip = counts
+        left = all_of_it - (1.0 - above) * covered
         held[point, 0] += above * covered
-        held[point, 1] += all_of_it - (1.0 - above) * covered
+        held[point, 1] += left
+        held[point, 2] += strip * left
 
 
 @njit(cache=True, error_model="numpy")
