@@ -153,7 +153,7 @@ print(json.dumps(found))
 """
 
 BUDGET = {
-    "fem": ({"advance": 259}, 155_000),
+    "fem": ({"advance": 261}, 155_000),
     "pbd": ({"advance_step": 197, "probe_seam": 169, "highest_frequency": 65}, 144_000),
 }
 """most functions in the largest kernels that a first start compiles (others: 55), and most instructions of all
@@ -177,4 +177,4 @@ def test_a_start_compiles_no_more_than_it_did(model: str) -> None:
     others = {name: n for name, (n, _) in found.items() if n > functions.get(name, 55)}
     assert others == {}
     assert sum(n for _, n in found.values()) <= instructions
-    assert len(found) <= 21
+    assert len(found) <= 22

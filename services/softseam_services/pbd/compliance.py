@@ -195,7 +195,8 @@ class SeamProbe:
         if len(model.faces.nodes):
             find_shares(model.arrays, parameters.arrays, x, position, orientation, shares)
         if len(model.outward):
-            find_patch_shares(model.arrays, parameters.arrays, x, position, orientation, shares)
+            slow = np.ones(len(position), dtype=np.bool_)
+            find_patch_shares(model.arrays, parameters.arrays, x, position, orientation, slow, shares)
         for bench in self._benches:
             own = bench.scratch.contacts.shares
             if len(model.faces.nodes) or len(model.outward):

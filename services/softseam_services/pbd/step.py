@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.body import Floats
+from softseam_services.tools.face_points import PATCHES
 from softseam_services.totals import Totals
 
 from . import watch
@@ -208,7 +210,8 @@ def attempt(
     if len(model.faces.nodes):
         find_shares(*arrays, work.x, inputs.tools.position, inputs.tools.orientation, shares)
     if len(model.outward):
-        find_patch_shares(*arrays, work.x, inputs.tools.position, inputs.tools.orientation, shares)
+        slow = _slow(parameters, work, inputs.tools, dt)
+        find_patch_shares(*arrays, work.x, inputs.tools.position, inputs.tools.orientation, slow, shares)
     scratch.pair.run(
         *(n_substeps * n_sweeps, advance_step, *arrays, work, scratch.inputs, scratch.arrays, scratch.outputs),
         *(dt, n_substeps, n_sweeps),
@@ -217,6 +220,14 @@ def attempt(
         result = scratch.outputs.result
         result[k.SLIP] = max(result[k.SLIP], float(slip_of_patches(*arrays, work.force, work.slip, shares)))
     return n_substeps, n_sweeps
+
+
+def _slow(parameters: PbdParameters, state: PbdState, tools: ToolMotion, dt: float) -> NDArray[np.bool_]:
+    """Whether tools go by less than a patch inside a block's face in a step, as the body sees them (t,)."""
+    mass = parameters.own_mass
+    body = dt * (mass @ state.v) / mass.sum()
+    way = np.linalg.norm(tools.position_next - tools.position - body, axis=1)
+    return np.asarray(way < parameters.blocks.edges.min() / PATCHES)
 
 
 def _tell(model: PbdModel, inputs: StepInputs, n_substeps: int, scratch: StepScratch) -> None:

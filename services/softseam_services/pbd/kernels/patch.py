@@ -19,10 +19,11 @@ _NEAR = 5.0
 
 
 @njit(cache=True, error_model="numpy")
-def find_patch_shares(model, parameters, x, position, orientation, shares):
+def find_patch_shares(model, parameters, x, position, orientation, slow, shares):
     """`Shares` of points inside faces, by tools that are no boxes, where body and tools stand; in place.
 
-    x (n, 3) positions of the nodes [m]; position (t, 3) and orientation (t, 4) as in `tool_gap`
+    x (n, 3) positions of the nodes [m]; position (t, 3) and orientation (t, 4) as in `tool_gap`; slow (t,): tools that
+    do not go by a patch before the step ends, when shares would no more be those of the patches that they cover
     """
     indptr, node, weight = model.indptr, model.node, parameters.weight
     kind, shape, side = parameters.kind, parameters.shape, shares.side
@@ -35,7 +36,7 @@ def find_patch_shares(model, parameters, x, position, orientation, shares):
         there, beside = point + PATCHES * up, point + on
         for tool in range(len(kind)):
             side[point, tool] = -1
-            if not model.touches[point, tool] or not has_flats(kind[tool]):
+            if not slow[tool] or not model.touches[point, tool] or not has_flats(kind[tool]):
                 continue
             away, reach = 0.0, parameters.reach[tool] + _NEAR * parameters.margin
             for i in range(3):
