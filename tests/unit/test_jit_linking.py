@@ -153,7 +153,7 @@ print(json.dumps(found))
 """
 
 BUDGET = {
-    "fem": ({"advance": 261}, 155_000),
+    "fem": ({"advance": 261}, 161_000),
     "pbd": ({"advance_step": 197, "probe_seam": 169, "highest_frequency": 65}, 144_000),
 }
 """most functions in the largest kernels that a first start compiles (others: 55), and most instructions of all
