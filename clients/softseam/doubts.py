@@ -176,9 +176,9 @@ def _felt_at_points(scene: Scene, body: Body, tools: ToolSet) -> Iterator[tuple[
     from softseam_services.body.outer_faces import is_covered_by_faces
 
     shares = is_covered_by_faces(body)
-    for name, geometry in zip(tools.names, tools.geometry, strict=True):
-        if len(geometry.outline) and not (shares and scene.tools[name].kind == "box"):
-            yield name, float(np.sort(np.ptp(geometry.outline, axis=0))[1])
+    for name, half_width in zip(tools.names, tools.half_width, strict=True):
+        if np.isfinite(half_width) and not (shares and scene.tools[name].kind == "box"):
+            yield name, 2.0 * float(half_width)
 
 
 def _repaired_tools(tools: ToolSet) -> list[str]:

@@ -56,7 +56,7 @@ def _problem(
     model, parameters = solver._model, solver._parameters
     tree, work = model.tree, solver._stepper.work
     pose = (run.position, run.orientation, run.position, run.orientation)
-    tools = Tools(run.tools.kind, run.tools.shape, run.tools.reach, run.tools.near, *pose)
+    tools = Tools(run.tools.kind, run.tools.shape, run.tools.reach, run.tools.half_width, run.tools.near, *pose)
     x = parameters.x_rest - np.array([0.0, 0.0, 1e-5])
     contact = np.zeros((len(run.region.points), 1, N_STATE))
     height = point_positions(model, parameters, parameters.x_rest)[:, 2]

@@ -23,6 +23,8 @@ logarithm of the width, on cells of 6 and 10 mm, and so goes on [N]"""
 PUNCH, ROUND = 5.81, 1.59
 """of a square punch 2 mm deep and a round one .8 mm deep, from cells refined evenly and graded [N]"""
 
+WITHIN = {"fem": 0.1, "pbd": 0.2}
+"""of a rod's force on default cells, wherever it is set down and however deep [1]"""
 THIRD = 0.04 / 3
 """edge of cells [m]"""
 SQUARE_END, ROUND_END = 4.98, 0.117
@@ -38,7 +40,7 @@ def pressed(
     tool: dict[str, Any],
     depth: float,
     block: tuple[float, float, float],
-    cell: float,
+    cell: float | None,
     young: float,
     poisson: float,
     files: dict[str, bytes] | None = None,
@@ -53,7 +55,7 @@ def pressed(
             "gravity": [0, 0, 0],
             "body": {
                 "shape": {"kind": "block", "size": block},
-                "cell": cell,
+                **({} if cell is None else {"cell": cell}),
                 "material": {"young": young, "poisson": poisson, "density": 1000.0},
                 "fixed": [{"min": [-1, -1, -1e-3], "max": [1, 1, 1e-3]}],
             },
@@ -68,13 +70,13 @@ def pressed(
         report = simulation.step()
     simulation.close()
     assert tool["kind"] == "box" or report.penetration > 0.0
-    assert report.penetration < (1.5e-3 if tool["kind"] == "box" else 6e-4)
+    assert report.penetration < (1.5e-3 if tool["kind"] == "box" else 9e-4)
     return float(np.linalg.norm(report.wrench[0, :3]))
 
 
 @cache  # some places are asked for by several tests
 def rod(
-    place: tuple[float, float], cell: float, depth: float = 5e-3, kind: str = "capsule", model: str = "fem"
+    place: tuple[float, float], cell: float | None, depth: float = 5e-3, kind: str = "capsule", model: str = "fem"
 ) -> float:
     """Force of the rod at a place on the block's face [m], with its axis upright."""
     tool: dict[str, Any] = {"kind": "capsule", "radius": 5e-3, "length": 0.04, "position": [*place, 0.0555]}
@@ -92,6 +94,15 @@ def test_a_rod_is_felt_alike_wherever_it_is_set_down(cell: float, within: float,
     """With nodes alone it was felt at two of these places on cells of 10 mm, and by a quarter."""
     for place in PLACES if cell == 0.01 else PLACES[3:]:
         assert rod(place, cell, model=model) == pytest.approx(ROD, rel=within)
+
+
+@both
+@pytest.mark.parametrize(("place", "depth"), [((2.5e-3, 2.5e-3), 2e-3), ((4e-3, -7e-3), 3.2e-3), ((0.0, 0.0), 5.5e-3)])
+def test_default_cells_are_as_short_as_a_narrow_tool_asks_for(
+    place: tuple[float, float], depth: float, model: str
+) -> None:
+    """On cells of 10 mm, a third of the block's height, the first was 30 % too firm by FEM, 53 by XPBD."""
+    assert rod(place, None, depth, model=model) == pytest.approx(rod(place, 0.005, depth), rel=WITHIN[model])
 
 
 @both

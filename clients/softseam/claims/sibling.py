@@ -24,7 +24,7 @@ from softseam.errors import BadInput, SceneRefused
 from softseam.study.configurations import fem_step, xpbd_step
 from softseam.variants import AS_GIVEN, with_settings
 from softseam_protocol.messages.session import Frame
-from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
 from softseam_protocol.scene.implied import implied_model
 from softseam_protocol.scene.kinds import ModelKind
 from softseam_protocol.scene.scene import Scene
@@ -98,11 +98,11 @@ def _model(scene: Scene, body: BodySpec) -> ModelKind:
 
 def cell_edges(body: BodySpec, frame: Frame) -> Floats:
     """Edges of a body's cells along x, y and z (3,) [m]. Raises NoSibling where they have none of their own."""
-    if isinstance(body.shape, BlockShape):
+    if isinstance(body.shape, BlockShape) and (body.cell is not None or body.shape.borders == "materials"):
         size = np.array(body.shape.size)
-        wanted = np.broadcast_to(body.shape.default_edge if body.cell is None else body.cell, 3)
+        wanted = np.cbrt(size.prod() / len(frame.cell_near)) if body.cell is None else np.broadcast_to(body.cell, 3)
         return np.asarray(size / np.maximum(1, np.rint(size / wanted)))
-    if body.shape.cells != "boxes":
+    if isinstance(body.shape, MeshShape) and body.shape.cells != "boxes":
         raise NoSibling("the mesh brings its own cells: body.shape.cells: boxes lets its solid lie in longer ones")
     # nodes are half an edge apart
     extent = np.ptp(frame.x, axis=0)

@@ -27,9 +27,6 @@ from softseam_protocol.scene.tools import ToolName
 BodyName = ToolName
 
 MOST_CELLS = 200_000
-_MOST_BY_DEFAULT = 3_000
-"""cells of a block whose scene leaves them open: a step of some seconds by FEM, and of some tenths by XPBD"""
-
 
 Grading = Annotated[float, Field(ge=1.0, le=20.0)]
 
@@ -80,15 +77,6 @@ class BlockShape(Spec):
         """Whether cells may be of more than one size."""
         return self.gradings != (1.0, 1.0, 1.0) or bool(self.towards) or self.borders != "even"
 
-    @property
-    def default_edge(self) -> float:
-        """Of cells where the scene leaves them open [m]: a third of the least extent, but longer where that were
-        thousands, of which a step takes seconds: thin plates and long sticks have fewer through their thickness."""
-        edge = min(self.size) / 3.0
-        while math.prod(cells_along(self.size, (edge, edge, edge))) > _MOST_BY_DEFAULT:
-            edge *= 1.05
-        return edge
-
     @model_validator(mode="after")
     def _plausible(self) -> BlockShape:
         for i, edge in enumerate(self.size):
@@ -132,8 +120,8 @@ class BodySpec(OwnRegions):
         | None
     ) = Field(
         default=None,
-        description="cell edge, or edges along x, y, z [m]; default: a third of the least extent, longer where "
-        f"that were more than {_MOST_BY_DEFAULT:,} cells, or by a mesh's walls",
+        description="cell edge, or edges along x, y, z [m]; default: a third of a block's least extent, less where "
+        "round tools or meshes are narrow, longer where that were thousands of cells; of a mesh by its walls",
     )
     material: AnyMaterial
     inclusions: tuple[InclusionSpec, ...] = Field(
@@ -196,9 +184,8 @@ class BodySpec(OwnRegions):
 
     @model_validator(mode="after")
     def _countable(self) -> BodySpec:
-        if isinstance(self.shape, BlockShape):
-            cell = self.shape.default_edge if self.cell is None else self.cell
-            edges = cell if isinstance(cell, tuple) else (cell, cell, cell)
+        if isinstance(self.shape, BlockShape) and self.cell is not None:
+            edges = self.cell if isinstance(self.cell, tuple) else (self.cell, self.cell, self.cell)
             n_cells = math.prod(cells_along(self.shape.size, edges))
             if n_cells > MOST_CELLS:
                 size = " x ".join(f"{edge:g}" for edge in self.shape.size)

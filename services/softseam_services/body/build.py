@@ -14,10 +14,12 @@ from softseam_protocol.scene.bodies import MOST_CELLS, BlockShape, BodySpec, Mes
 from softseam_protocol.scene.particles import TetMeshBody
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
+from softseam_protocol.scene.tools import BoxTool, PlaneTool
 from softseam_protocol.tool_borders import Line, tool_borders
 from softseam_services.body.around_ball import block_around
 from softseam_services.body.block import block_surface
 from softseam_services.body.body import Body, Floats, Ints, Surface
+from softseam_services.body.default_cells import block_edge
 from softseam_services.body.embed import embed, read_solid
 from softseam_services.body.errors import MeshError
 from softseam_services.body.friction_field import draw_field
@@ -33,6 +35,7 @@ from softseam_services.body.particles import ParticleBody
 from softseam_services.body.tet_mesh import build_tet_mesh
 from softseam_services.body.tetrahedra import tetrahedral_cells
 from softseam_services.body.tetrahedron import CORNERS, FILL
+from softseam_services.shapes import SHAPES
 
 _CLAMP_TOLERANCE = 1e-9
 _ROUNDER = (
@@ -65,8 +68,8 @@ def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
         raise ValueError(f"a {spec.kind} has no cells")
     if isinstance(spec.shape, BlockShape):
         if spec.shape.graded:
-            return _graded(scene, spec, spec.shape)
-        return _block(scene, spec, spec.shape, _block_edges(spec, spec.shape))
+            return _graded(scene, spec, spec.shape, files)
+        return _block(scene, spec, spec.shape, _block_edges(scene, spec, spec.shape, files))
     if spec.shape.path not in files:
         raise MeshError(f"{spec.shape.path}: the file is missing; give its path relative to the scene file")
     build = {"own": _own, "tetrahedra": _tetrahedra, "boxes": _embedded}[spec.shape.cells]
@@ -94,8 +97,8 @@ def _block(scene: Scene, spec: BodySpec, shape: BlockShape, cell: Floats) -> Bod
     )
 
 
-def _graded(scene: Scene, spec: BodySpec, shape: BlockShape) -> Body:
-    counts, wanted = divide(np.array(shape.size), _block_edges(spec, shape))
+def _graded(scene: Scene, spec: BodySpec, shape: BlockShape, files: Mapping[str, bytes]) -> Body:
+    counts, wanted = divide(np.array(shape.size), _block_edges(scene, spec, shape, files))
     ball = inner_ball(shape.size, spec.position, spec.inclusions) if shape.borders == "materials" else None
     if shape.towards or shape.borders == "materials":
         borders = _borders(scene, spec, shape, ball)
@@ -205,10 +208,14 @@ def _densities(spec: BodySpec) -> Floats:
     return np.array([material.density for material in spec.materials])
 
 
-def _block_edges(spec: BodySpec, shape: BlockShape) -> Floats:
+def _block_edges(scene: Scene, spec: BodySpec, shape: BlockShape, files: Mapping[str, bytes]) -> Floats:
     """Wanted cell edges of a block (3,) [m]."""
     wanted = cell_edges(spec)
-    return np.full(3, shape.default_edge) if wanted is None else wanted
+    if wanted is not None:
+        return wanted
+    between = (tool for tool in scene.tools.values() if not isinstance(tool, PlaneTool | BoxTool))
+    narrow = (SHAPES[tool.kind].geometry(tool, files).half_width for tool in between)
+    return np.full(3, block_edge(shape.size, narrow))
 
 
 def cell_edges(spec: BodySpec) -> Floats | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softseam_services.body.body import Floats, Ints, Surface
+from softseam_services.body.default_cells import solid_edge
 from softseam_services.body.errors import MeshError
 from softseam_services.body.filled import FILL_FLOOR, FULL_MOMENTS
 from softseam_services.body.kernels.fill import octant_moments
@@ -25,7 +26,6 @@ _DROPPED = 1e-6
 """cells emptier than this that carry no surface point are left out; their mass is spread over the others"""
 _MOST_CELLS = 200_000
 _CELLS_AGREE = 1e-6
-_WALLS, _LEAST_CELLS = 1.2, 48.0
 _SPACING = 0.25
 """longest edge of the surface's triangles, in edges of a cell: so many points that none of a cell's freedoms passes
 between them (docs/decisions/45); where a file has more, those closer than half of that count as one"""
@@ -92,25 +92,13 @@ def read_solid(
     return vertices - base, triangles, (*notes, *turned, *unit_guess(vertices, scale))
 
 
-def default_edge(vertices: Floats, triangles: Ints) -> float:
-    """Edge of cells of a solid whose scene leaves it open [m]: 1.2 times 2V/S, a wall's thickness, and so short that
-    there are some 50 cells. Quadratic cells of that size give forces within 5 to 7 %.
-
-    vertices (n, 3) [m], triangles (T, 3) closed and outward
-    """
-    a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
-    volume = float(np.einsum("ti,ti->", a, np.cross(b, c))) / 6.0
-    surface = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    return float(min(_WALLS * 2.0 * volume / surface, (volume / _LEAST_CELLS) ** (1.0 / 3.0)))
-
-
 def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None) -> Embedded:
     """Cells over the bounding box of a solid, moments of the filled part of each octant, surface points.
 
     vertices (n, 3) [m], triangles (T, 3) closed and outward, cell: wanted edges (3,) [m]
     """
     corner, size = vertices.min(axis=0), np.ptp(vertices, axis=0)
-    counts, edges = divide(size, np.full(3, default_edge(vertices, triangles)) if cell is None else cell)
+    counts, edges = divide(size, np.full(3, solid_edge(vertices, triangles)) if cell is None else cell)
     if int(counts.prod()) > _MOST_CELLS:
         box = " x ".join(f"{edge:.3g}" for edge in size)
         raise MeshError(

@@ -58,6 +58,8 @@ class PbdParameters:
     """sum of w_i N_i^2 of each point (p,) [1/kg]"""
     point_give: Floats
     """as of `Points.give` (p, t) [m/N]"""
+    flat_give: Floats
+    """as of `Points.flat` (p - k,) [m/N]"""
     friction_factor: Floats
     """of each point, on the friction of every tool (p,) [1]"""
     wave_speed: float
@@ -120,6 +122,7 @@ class PbdParameters:
             weight=self.weight,
             point_softness=self.point_softness,
             point_give=self.point_give,
+            flat_give=self.flat_give,
             friction_factor=self.friction_factor,
             edged=faces.edged,
             face_stiffness=faces.stiffness,
@@ -179,6 +182,7 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         if len(weight)
         else np.zeros(0),
         point_give=points.give,
+        flat_give=points.flat,
         friction_factor=body.friction_field.at_points(x_rest, model.indptr, model.node, weight),
         wave_speed=body.wave_speed,
         least_mu=min(material.mu for material in body.materials),

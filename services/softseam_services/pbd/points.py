@@ -16,9 +16,9 @@ from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.contact_points import is_embedded, point_stiffness
 from softseam_services.body.interpolate import point_weights
 from softseam_services.body.outer_faces import outer_faces
-from softseam_services.shapes.branches import CAPSULE, CYLINDER, SPHERE
+from softseam_services.shapes.branches import CYLINDER
 from softseam_services.tools.face_points import FacePoints, face_points, round_tools
-from softseam_services.tools.kernels import DENSE
+from softseam_services.tools.kernels import DENSE, round_by
 from softseam_services.tools.tool_set import ToolSet
 
 THINNEST = 0.125
@@ -36,7 +36,10 @@ class Points(NamedTuple):
     touches: Mask
     """(p, t)"""
     give: Floats
-    """compliance of contact, 1/r of body/contact_points.py and tools/face_points.py; 0 at nodes (p, t) [m/N]"""
+    """compliance of contact, 1/r of body/contact_points.py, inside faces that under what is round, eq. (1) of
+    tools/kernels/patch.py; 0 at nodes (p, t) [m/N]"""
+    flat: Floats
+    """the same under what is flat, of points inside faces (p - k,) [m/N]"""
     outward: Floats
     """as of `FacePoints`, of those inside faces (p - k,)"""
 
@@ -52,8 +55,10 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
         np.divide(1.0, stiffness, out=give, where=stiffness > 0.0)
     between = round_tools(tools, body) & ~_thin_discs(tools, body)
     if not between.any():
-        return Points((indptr, node, weight), touches, give, np.zeros(0))
+        return Points((indptr, node, weight), touches, give, np.zeros(0), np.zeros(0))
     inner = face_points(body, region, outer_faces(body, region), "hex8")
+    h = inner.edge[inner.face] * np.where(coarse[inner.cell], 1.0, 0.5)  # of blocks
+    flat = h / (DENSE * _young(body, region, inner) * inner.area)
     touches &= ~(between & np.isin(node, inner.node)[:, None])
     return Points(
         (
@@ -62,7 +67,8 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
             np.concatenate([weight, inner.weight]),
         ),
         np.concatenate([touches, np.tile(between, (len(inner.cell), 1))]),
-        np.concatenate([give, _inner_give(body, region, tools, coarse, inner)]),
+        np.concatenate([give, flat[:, None] * round_by(tools.half_width, h[:, None])]),
+        flat,
         inner.outward,
     )
 
@@ -72,15 +78,11 @@ def _thin_discs(tools: ToolSet, body: Body) -> Mask:
     return np.asarray((tools.kind == CYLINDER) & (tools.shape[:, 1] < THINNEST * body.resolution))
 
 
-def _inner_give(body: Body, region: Region, tools: ToolSet, coarse: Mask, inner: FacePoints) -> Floats:
-    """1/r at points inside faces, r = DENSE E A/h max(1, R/2h) with h the edge of a block and R the radius that a tool
-    has (q, t) [m/N]."""
+def _young(body: Body, region: Region, inner: FacePoints) -> Floats:
+    """Young's modulus where points inside faces are (q,) [Pa]."""
     octant = (inner.local >= 0.0) @ np.array([1, 2, 4])
-    young = body.of_octants([material.young for material in body.materials])[region.cells[inner.cell], octant]
-    h = inner.edge[inner.face] * np.where(coarse[inner.cell], 1.0, 0.5)
-    radius = np.where(np.isin(tools.kind, (SPHERE, CAPSULE, CYLINDER)), tools.shape[:, 0], 0.0)
-    firm = np.maximum(1.0, 0.5 * radius / h[:, None])
-    return np.asarray(1.0 / ((DENSE * young * inner.area / h)[:, None] * firm))
+    young = body.of_octants([material.young for material in body.materials])
+    return np.asarray(young[region.cells[inner.cell], octant])
 
 
 def hand_on(force: Floats, touches: Mask, n_surface: int, rows: Rows) -> None:

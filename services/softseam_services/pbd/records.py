@@ -57,6 +57,8 @@ class ParameterArrays(NamedTuple):
     point_softness: Floats
     point_give: Floats
     """(p, t)"""
+    flat_give: Floats
+    """(p - k,)"""
     friction_factor: Floats
     """(p,)"""
     # faces
@@ -118,7 +120,7 @@ class Shares(NamedTuple):
 
     side: Ints
     """side of the tool that covers a part of what the point stands for, FLAT where that is a face of a tool that is no
-    box, -1 where it covers all or nothing (p, t)"""
+    box, FIRM under one that goes by, -1 where it covers all or nothing (p, t)"""
     plane: Floats
     """of that face: normal and distance in the tool's frame (p, t, 4)"""
     give: Floats

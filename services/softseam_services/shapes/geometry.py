@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -79,6 +80,14 @@ class Geometry:
             "surface": ToolSurface(vertices, triangles),
         }
         return cls(numbers=numbers, **{**found, **others})
+
+    @cached_property
+    def half_width(self) -> float:
+        """Half of the middle one of its extents along its own axes, a rod's radius; infinite for a half-space [m]"""
+        if not np.isfinite(self.reach):
+            return np.inf
+        ways = [self.reach_along(axis) for axis in (*np.eye(3), *-np.eye(3))]
+        return float(np.sort(np.reshape(ways, (2, 3)).sum(axis=0))[1] / 2.0)
 
     def reach_along(self, direction: Floats) -> float:
         """How far it reaches along a unit direction (3,) [m]; 0 for a half-space."""

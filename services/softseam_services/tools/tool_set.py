@@ -52,6 +52,11 @@ class ToolSet:
         ]
 
     @cached_property
+    def half_width(self) -> NDArray[np.float64]:
+        """As of each one's geometry (t,) [m]"""
+        return np.array([each.half_width for each in self.geometry])
+
+    @cached_property
     def short(self) -> list[float]:
         """Square of a way that takes no tool's middle to where its face was, a bit less than need be (t,) [m^2]"""
         return [0.9 * thin**2 for thin in self.thin]

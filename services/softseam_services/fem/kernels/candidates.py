@@ -1,11 +1,9 @@
 """Candidates for contact: which points may touch which tools in a step, and what each begins with (contact.py).
 
 On an embedded surface a tool presses by p = -r g with r = 20 E A/h (body/contact_points.py), and nothing is carried
-over (c = 0). So it is inside faces with a tool that is no box, where r = 20 E A/h max(1, R/2h), h the spacing of nodes
-and R its radius, where it has one. There are more points than a face has freedoms, and a gap of zero at all of them
-would flatten what curves within a cell. What a thin tool sinks in stands for the waves that the cells lack; a tool wide
-beside them needs none (docs/decisions/43, 45). Where its face covers a patch in part it is
-less (tools/kernels/patch.py).
+over (c = 0). So it is inside faces with a tool that is no box, with the r of tools/kernels/patch.py. There are more
+points than a face has freedoms, and a gap of zero at all of them would flatten what curves within a cell
+(docs/decisions/43, 45).
 """
 
 from __future__ import annotations
@@ -15,7 +13,7 @@ import numpy as np
 from softseam_services.fem.kernels.contact import ANCHOR, AT_NODE, OPEN, SPREAD, SWEPT, coefficient, point_position
 from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, pressed_side, see
 from softseam_services.jit import njit
-from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
+from softseam_services.shapes.branches import BOX, PLANE
 from softseam_services.tools.face_points import PATCHES, SOFT
 from softseam_services.tools.kernels import (
     DENSE,
@@ -26,6 +24,7 @@ from softseam_services.tools.kernels import (
     plane_gap,
     rotate,
     rotate_back,
+    round_by,
     side_along,
     side_gap,
     swept_gap,
@@ -203,13 +202,14 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                 gap = tool_gap(kind, shape, position, turn, xp)[0]
                 if face >= 0:
                     share, carry = DENSE / SOFT, 0.0
-                    if kind == SPHERE or kind == CAPSULE or kind == CYLINDER:
-                        share *= max(1.0, shape[0] / parameters.face_edge[face])
-                    if has_flats(kind) and gap < parameters.face_edge[face]:
+                    firm, edge = 0.0, parameters.face_edge[face]
+                    if has_flats(kind) and gap < edge:
                         firm = cover(x, model, parameters, point, xp, tools, tool, work.plane[count])
-                        if firm < 1.0:
-                            share, side = firm * share, FLAT
-                            gap = plane_gap(work.plane[count], position, turn, xp)[0]
+                    if firm > 0.0:
+                        share, side = firm * share, FLAT
+                        gap = plane_gap(work.plane[count], position, turn, xp)[0]
+                    else:
+                        share /= round_by(tools.half_width[tool], 0.5 * edge)
                 elif face == SPREAD:
                     carry = 0.0
             if gap < reach or touched or work.factored_state[point, tool] != OPEN:

@@ -49,6 +49,8 @@ N_COLUMNS = 50
 WIDTH = N_COLUMNS * EIGHT
 POINT, NODE, DIRECT, DEEP, EDGED, SIDE = 0, 8, 16, 17, 18, 19
 N_ROWS = 27
+FIRM = -4
+"""in place of a side: a point that is met by its gap and yields as under what is flat"""
 DEEPEST_ROUNDOFF = 1e-9
 """penetrations below this are roundoff of a closed contact [m]"""
 
@@ -117,18 +119,18 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
             square = (x[0] - place[0]) ** 2 + (x[1] - place[1]) ** 2 + (x[2] - place[2]) ** 2
             carried = force[point, tool, 0] != 0.0 or force[point, tool, 1] != 0.0 or force[point, tool, 2] != 0.0
             edge = side[point, tool]
+            yields = point_give[point, tool] if edge == -1 else soft[point, tool]
+            if edge == FIRM:
+                edge = -1
             if square > reach and not carried and edge == -1:
                 steady[point, tool] = 0.0
                 continue
             if edge >= 0:
                 gap, nx, ny, nz = side_gap(edge, tool_shape, place, turn, x)
-                yields = soft[point, tool]
             elif edge == FLAT:
                 gap, nx, ny, nz = plane_gap(plane[point, tool], place, turn, x)
-                yields = soft[point, tool]
             else:
                 gap, nx, ny, nz = tool_gap(tool_kind, tool_shape, place, turn, x)
-                yields = point_give[point, tool]
             fx, fy, fz = three(force[point], tool)
             due = yields * max(0.0, fx * nx + fy * ny + fz * nz)
             if gap >= margin and not carried:

@@ -1,7 +1,6 @@
-"""Patches inside faces of blocks that a flat face of a tool covers in part: they touch its plane, with more compliance.
+"""Patches inside faces of blocks that a flat face of a tool covers: they touch its plane, and yield by 1/r_c.
 
-A point inside a face yields by 1/r, r [N/m] for all of its patch; one that is covered in part by 1/r_c of
-tools/kernels/patch.py, eq. (2).
+All others yield as under what is round (tools/kernels/patch.py).
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from softseam_services.jit import njit
 from softseam_services.tools.face_points import PATCHES
 from softseam_services.tools.kernels import FLAT, cover_patch, has_flats
 
-from .pairs import follow
+from .pairs import FIRM, follow
 
 _NEAR = 5.0
 """half a block, in margins of contact: so far from a tool's reach middles of patches are looked at"""
@@ -23,7 +22,8 @@ def find_patch_shares(model, parameters, x, position, orientation, slow, shares)
     """`Shares` of points inside faces, by tools that are no boxes, where body and tools stand; in place.
 
     x (n, 3) positions of the nodes [m]; position (t, 3) and orientation (t, 4) as in `tool_gap`; slow (t,): tools that
-    do not go by a patch before the step ends, when shares would no more be those of the patches that they cover
+    do not go by a patch before the step ends. Others would cover other patches then, and cut into what yields more than
+    under what is flat: they are met by their gap.
     """
     indptr, node, weight = model.indptr, model.node, parameters.weight
     kind, shape, side = parameters.kind, parameters.shape, shares.side
@@ -36,7 +36,13 @@ def find_patch_shares(model, parameters, x, position, orientation, slow, shares)
         there, beside = point + PATCHES * up, point + on
         for tool in range(len(kind)):
             side[point, tool] = -1
-            if not slow[tool] or not model.touches[point, tool] or not has_flats(kind[tool]):
+            if not model.touches[point, tool]:
+                continue
+            if not slow[tool]:
+                side[point, tool] = FIRM
+                shares.give[point, tool] = parameters.flat_give[point - first]
+                continue
+            if not has_flats(kind[tool]):
                 continue
             away, reach = 0.0, parameters.reach[tool] + _NEAR * parameters.margin
             for i in range(3):
@@ -51,6 +57,6 @@ def find_patch_shares(model, parameters, x, position, orientation, slow, shares)
                 kind[tool], shape[tool], position[tool], orientation[tool], middle, u, v, model.outward[point - first],
                 shares.plane[point, tool],
             )  # fmt: skip
-            if firm < 1.0:
+            if firm > 0.0:
                 side[point, tool] = FLAT
-                shares.give[point, tool] = parameters.point_give[point, tool] / firm
+                shares.give[point, tool] = parameters.flat_give[point - first] / firm

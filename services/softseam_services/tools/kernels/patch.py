@@ -1,18 +1,23 @@
-"""How firmly the face of a tool presses a patch of a block's surface that it covers in part, by signed distance alone.
+"""How firmly a tool presses a patch of a block's surface: by how round it is, and how much of the patch a face covers.
 
-A place is covered where there is tool above it. Of a window about the patch, twice as long and wide, four places are
-looked at, halfway from the middle to its corners. Raised along the outward normal N of the surface by the patch's width
-b, so that a face that covers them is b below, each sees by the distance phi and the normal m there how near a wall of
-the tool is beside it. With the patch's edges u, v
-  c = mean min(1, max(0, 1/2 - phi/e)),   e = |m . u| + |m . v|                                                  (1)
+A patch yields, in place of the waves that a cell's few freedoms lack and that grow with a tool's curvature, by
+  1/r = h/(DENSE E A) under what is flat,  1/r = (h/(DENSE E A)) (1 + h/R) under what is round,                   (1)
+h the spacing of nodes, A the patch, R half the tool's width.
+
+Which part of a patch a flat face covers is known by signed distance alone. A place is covered where there is tool above
+it. Of a window about the patch, twice as long and wide, four places are looked at, halfway from the middle to its
+corners. Raised along the outward normal N of the surface by the patch's width b, so that a face that covers them is b
+below, each sees by the distance phi and the normal m there how near a wall of the tool is beside it. With the patch's
+edges u, v
+  c = mean min(1, max(0, 1/2 - phi/e)),   e = |m . u| + |m . v|                                                  (2)
 is covered: exactly where a wall is along the edges, and all of it under what is round unless that is steeper than 60
 degrees there. Where a wall is nearest to the patch, N is what it has along that wall: the surface beside a tool rises.
 A traction on a part of a face of a cell lets the body yield locally by what the cell's functions cannot show.
 So the patch is as firm as its own 1/r = h/(DENSE E A) and h (1/c - 1)/(EDGE E A) in a row,
-  1/r_c = (1/r) (1 + (DENSE/EDGE) (1/c - 1))                                                                     (2)
+  1/r_c = (1/r) (1 + (DENSE/EDGE) (1/c - 1))                                                                     (3)
 It is pressed by the plane of the face: that which the tool has at z, the patch's middle moved to b/2 within the wall,
-where the face is the nearest surface. Where the tool bends there it is round, its pressure fades, and it is met at the
-patch's middle.
+where the face is the nearest surface; where all is covered, that at the middle. Where the tool bends there it is round,
+its pressure fades, and it is met at the patch's middle.
 """
 
 from __future__ import annotations
@@ -28,12 +33,16 @@ DENSE = 20.0
 """contact penalty of a patch that is covered, E A/h with h the spacing of nodes; see the decision notes"""
 EDGE = 2.0
 """the same of what yields about a traction on a part of a face"""
+ROUND = 0.7
+"""how many times more yields what is as narrow as nodes are apart; see the decision notes"""
 FLAT = -3
 """in place of a side of a box: the tool presses by the plane of a face that covers the patch in part"""
 _FACING = 0.5
 """cosine of an angle between normals: what faces the surface, and what is behind a tool"""
 _STRAIGHT = 0.99
-"""cosine of the angle by which a face turns at most in half a patch's width"""
+"""cosine of the angle by which a face turns at most in half a patch's width beside its edge"""
+_FLAT = 0.998
+"""and away from edges: what turns more is round"""
 _ROUNDOFF = 1e-9
 """of a covered share"""
 
@@ -53,12 +62,38 @@ def plane_gap(plane, position, orientation, point):
 
 
 @njit(cache=True, error_model="numpy")
+def round_by(half_width, h):
+    """How many times more yields what is round, eq. (1), where nodes are h apart [1]."""
+    return 1.0 + ROUND * np.minimum(1.0, h / half_width)
+
+
+@njit(cache=True, error_model="numpy")
+def _is_flat(kind, shape, position, orientation, x, u, v):
+    """Whether a tool's surface keeps its normal in the patch of middle x (3,) and edges u, v (3,)."""
+    _, mx, my, mz = tool_gap(kind, shape, position, orientation, x)
+    for quarter in range(4):
+        s, t = (0.5 if quarter % 2 else -0.5), (0.5 if quarter >= 2 else -0.5)
+        at = (x[0] + s * u[0] + t * v[0], x[1] + s * u[1] + t * v[1], x[2] + s * u[2] + t * v[2])
+        _, ax, ay, az = tool_gap(kind, shape, position, orientation, at)
+        if mx * ax + my * ay + mz * az < _FLAT:
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _set_plane(plane, position, orientation, at, gap, mx, my, mz):
+    """plane (4,) <- that of the tool's surface which is `gap` from a place, where its normal is m."""
+    plane[0], plane[1], plane[2] = rotate_back(orientation, mx, my, mz)
+    plane[3] = mx * (at[0] - position[0]) + my * (at[1] - position[1]) + mz * (at[2] - position[2]) - gap
+
+
+@njit(cache=True, error_model="numpy")
 def cover_patch(kind, shape, position, orientation, x, u, v, outward, plane):
-    """r_c/r of a patch that a tool covers in part, eq. (2), and plane (4,) <- of its face, normal and distance in the
+    """r_c/r of a patch that a flat face covers, eq. (3), and plane (4,) <- of that face, normal and distance in the
     tool's frame.
 
-    1 where the tool is to be met by its gap at the middle, and there plane stays: where all is covered, or nothing, or
-    the tool is round, or too thin to be looked at from within.
+    0 where the tool is to be met by its gap at the middle, and there plane stays: where nothing is covered, or the tool
+    is round, or too thin to be looked at from within.
 
     x (3,) middle, u, v (3,) edges of the patch [m]; outward: 1 where u x v points out of the body, -1 where inwards
     """
@@ -67,7 +102,7 @@ def cover_patch(kind, shape, position, orientation, x, u, v, outward, plane):
     square = u[0] ** 2 + u[1] ** 2 + u[2] ** 2 + v[0] ** 2 + v[1] ** 2 + v[2] ** 2
     gap, mx, my, mz = tool_gap(kind, shape, position, orientation, x)
     if area == 0.0 or gap * gap > 4.0 * square:
-        return 1.0
+        return 0.0
     n0, n1, n2, b = outward * n0 / area, outward * n1 / area, outward * n2 / area, np.sqrt(area)
     along = mx * n0 + my * n1 + mz * n2
     if along > -_FACING:
@@ -87,11 +122,17 @@ def cover_patch(kind, shape, position, orientation, x, u, v, outward, plane):
         )
         away, mx, my, mz = tool_gap(kind, shape, position, orientation, at)
         if away > 0.0 and mx * n0 + my * n1 + mz * n2 > _FACING:
-            return 1.0
+            return 0.0
         extent = abs(mx * u[0] + my * u[1] + mz * u[2]) + abs(mx * v[0] + my * v[1] + mz * v[2])
         part = 0.5 - away / extent if extent > 0.0 else (1.0 if away < 0.0 else 0.0)
         share += 0.25 * min(1.0, max(0.0, part))
-    if share < _ROUNDOFF or share > 1.0 - _ROUNDOFF:
+    if share < _ROUNDOFF:
+        return 0.0
+    if share > 1.0 - _ROUNDOFF:
+        if not _is_flat(kind, shape, position, orientation, x, u, v):
+            return 0.0
+        gap, mx, my, mz = tool_gap(kind, shape, position, orientation, x)
+        _set_plane(plane, position, orientation, x, gap, mx, my, mz)
         return 1.0
     at = (x[0] + rise * n0, x[1] + rise * n1, x[2] + rise * n2)
     away, mx, my, mz = tool_gap(kind, shape, position, orientation, at)
@@ -101,7 +142,6 @@ def cover_patch(kind, shape, position, orientation, x, u, v, outward, plane):
     gap, mx, my, mz = tool_gap(kind, shape, position, orientation, z)
     _, fx, fy, fz = tool_gap(kind, shape, position, orientation, farther)
     if mx * n0 + my * n1 + mz * n2 > -_FACING or mx * fx + my * fy + mz * fz < _STRAIGHT:
-        return 1.0
-    plane[0], plane[1], plane[2] = rotate_back(orientation, mx, my, mz)
-    plane[3] = mx * (z[0] - position[0]) + my * (z[1] - position[1]) + mz * (z[2] - position[2]) - gap
+        return 0.0
+    _set_plane(plane, position, orientation, z, gap, mx, my, mz)
     return 1.0 / (1.0 + DENSE / EDGE * (1.0 / share - 1.0))

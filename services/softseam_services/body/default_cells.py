@@ -1,0 +1,50 @@
+"""Edges of cells where a scene leaves them open: as long as forces stay within some per cent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from softseam_services.body.body import Floats, Ints
+from softseam_services.body.lattice import divide
+
+_ACROSS = 3.0
+"""cells along a block's least extent"""
+_MOST, _MOST_FOR_TOOLS = 3_000, 400
+"""cells of a block: a step of some seconds by FEM, of some tenths by XPBD; and those that narrow tools may ask for, of
+which a step of FEM takes some hundredths"""
+_HALF_WIDTHS = 1.5
+"""cells that are longer, in half widths of a tool, feel it by more than a tenth too firmly (docs/decisions/43)"""
+_WALLS, _LEAST_CELLS = 1.2, 48.0
+
+
+def block_edge(size: Any, half_widths: Iterable[float]) -> float:
+    """Of a block [m]: a third of its least extent, less where a tool is narrow, but longer where that were thousands:
+    thin plates and long sticks have fewer through their thickness.
+
+    size (3,) [m], half_widths: of tools that press between nodes [m]
+    """
+    whole = _at_most(_MOST, size, min(size) / _ACROSS)
+    narrow = _HALF_WIDTHS * min(half_widths, default=np.inf)
+    return whole if narrow >= whole else min(whole, _at_most(_MOST_FOR_TOOLS, size, narrow))
+
+
+def _at_most(n_cells: int, size: Any, edge: float) -> float:
+    """The edge, or a longer one that leaves so many cells [m]."""
+    while int(divide(np.array(size), np.full(3, edge))[0].prod()) > n_cells:
+        edge *= 1.05
+    return edge
+
+
+def solid_edge(vertices: Floats, triangles: Ints) -> float:
+    """Of what a closed surface encloses [m]: 1.2 times 2V/S, a wall's thickness, and so short that there are some 50
+    cells. Quadratic cells of that size give forces within 5 to 7 %.
+
+    vertices (n, 3) [m], triangles (T, 3) closed and outward
+    """
+    a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
+    volume = float(np.einsum("ti,ti->", a, np.cross(b, c))) / 6.0
+    surface = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    return float(min(_WALLS * 2.0 * volume / surface, (volume / _LEAST_CELLS) ** (1.0 / 3.0)))
