@@ -67,7 +67,7 @@ def test_narrow_tools_ask_for_shorter_cells(tool: dict[str, Any], edge: float) -
     ],
 )
 def test_there_are_never_thousands(size: tuple[float, ...], half_width: float, n_cells: tuple[int, ...]) -> None:
-    edge = block_edge(size, [half_width])
+    edge = block_edge(size, half_width)
     assert tuple(max(1, round(extent / edge)) for extent in size) == n_cells
 
 

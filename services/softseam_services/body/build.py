@@ -19,7 +19,7 @@ from softseam_protocol.tool_borders import Line, tool_borders
 from softseam_services.body.around_ball import block_around
 from softseam_services.body.block import block_surface
 from softseam_services.body.body import Body, Floats, Ints, Surface
-from softseam_services.body.default_cells import block_edge
+from softseam_services.body.default_cells import block_edge, solid_edge
 from softseam_services.body.embed import embed, read_solid
 from softseam_services.body.errors import MeshError
 from softseam_services.body.friction_field import draw_field
@@ -73,7 +73,7 @@ def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
     if spec.shape.path not in files:
         raise MeshError(f"{spec.shape.path}: the file is missing; give its path relative to the scene file")
     build = {"own": _own, "tetrahedra": _tetrahedra, "boxes": _embedded}[spec.shape.cells]
-    return build(scene, spec, spec.shape, files[spec.shape.path])
+    return build(scene, spec, spec.shape, files)
 
 
 def _block(scene: Scene, spec: BodySpec, shape: BlockShape, cell: Floats) -> Body:
@@ -142,14 +142,14 @@ def _borders(scene: Scene, spec: BodySpec, shape: BlockShape, ball: Ball | None)
     return x, y, z
 
 
-def _own(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:
-    raw = read_hexahedra(shape.path, data, shape.part)
+def _own(scene: Scene, spec: BodySpec, shape: MeshShape, files: Mapping[str, bytes]) -> Body:
+    raw = read_hexahedra(shape.path, files[shape.path], shape.part)
     cells = own_cells(shape.path, raw, shape.scale, shape.up, np.array(spec.position), spec.material.density)
     return _of_hexahedra(scene, spec, cells)
 
 
-def _tetrahedra(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:
-    raw = read_tetrahedra(shape.path, data, shape.part, middles=True)
+def _tetrahedra(scene: Scene, spec: BodySpec, shape: MeshShape, files: Mapping[str, bytes]) -> Body:
+    raw = read_tetrahedra(shape.path, files[shape.path], shape.part, middles=True)
     cells = tetrahedral_cells(shape.path, raw, shape.scale, shape.up, np.array(spec.position), spec.material.density)
     if len(cells.cell_nodes) > MOST_CELLS:
         raise MeshError(f"{shape.path}: {len(cells.cell_nodes):,} tetrahedra, more than {MOST_CELLS:,}; mesh coarsely")
@@ -181,9 +181,12 @@ def _of_own(scene: Scene, spec: BodySpec, cells: OwnCells, middles: Floats) -> B
     )
 
 
-def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, data: bytes) -> Body:
-    vertices, triangles, read_notes = read_solid(shape.path, data, shape.scale, shape.up, shape.part)
-    solid = embed(shape.path, vertices + np.array(spec.position), triangles, cell_edges(spec))
+def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, files: Mapping[str, bytes]) -> Body:
+    vertices, triangles, read_notes = read_solid(shape.path, files[shape.path], shape.scale, shape.up, shape.part)
+    wanted = cell_edges(spec)
+    if wanted is None:
+        wanted = np.full(3, solid_edge(vertices, triangles, _half_width(scene, files)))
+    solid = embed(shape.path, vertices + np.array(spec.position), triangles, wanted)
     centres = octant_centres(solid.x_rest[solid.cell_nodes[:, 13]], solid.edges)
     octant_material = materials_at(spec, centres, float(solid.edges.min()))
     fill, cell_mass = solid.lumped(_densities(spec)[octant_material])
@@ -208,14 +211,16 @@ def _densities(spec: BodySpec) -> Floats:
     return np.array([material.density for material in spec.materials])
 
 
+def _half_width(scene: Scene, files: Mapping[str, bytes]) -> float:
+    """Of the narrowest tool that presses between nodes, infinite where there is none [m]."""
+    between = (tool for tool in scene.tools.values() if not isinstance(tool, PlaneTool | BoxTool))
+    return min((SHAPES[tool.kind].geometry(tool, files).half_width for tool in between), default=np.inf)
+
+
 def _block_edges(scene: Scene, spec: BodySpec, shape: BlockShape, files: Mapping[str, bytes]) -> Floats:
     """Wanted cell edges of a block (3,) [m]."""
     wanted = cell_edges(spec)
-    if wanted is not None:
-        return wanted
-    between = (tool for tool in scene.tools.values() if not isinstance(tool, PlaneTool | BoxTool))
-    narrow = (SHAPES[tool.kind].geometry(tool, files).half_width for tool in between)
-    return np.full(3, block_edge(shape.size, narrow))
+    return np.full(3, block_edge(shape.size, _half_width(scene, files))) if wanted is None else wanted
 
 
 def cell_edges(spec: BodySpec) -> Floats | None:

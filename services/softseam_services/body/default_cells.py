@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -13,21 +12,21 @@ from softseam_services.body.lattice import divide
 _ACROSS = 3.0
 """cells along a block's least extent"""
 _MOST, _MOST_FOR_TOOLS = 3_000, 400
-"""cells of a block: a step of some seconds by FEM, of some tenths by XPBD; and those that narrow tools may ask for, of
+"""cells of a body: a step of some seconds by FEM, of some tenths by XPBD; and those that narrow tools may ask for, of
 which a step of FEM takes some hundredths"""
 _HALF_WIDTHS = 1.5
 """cells that are longer, in half widths of a tool, feel it by more than a tenth too firmly (docs/decisions/43)"""
 _WALLS, _LEAST_CELLS = 1.2, 48.0
 
 
-def block_edge(size: Any, half_widths: Iterable[float]) -> float:
+def block_edge(size: Any, half_width: float = np.inf) -> float:
     """Of a block [m]: a third of its least extent, less where a tool is narrow, but longer where that were thousands:
     thin plates and long sticks have fewer through their thickness.
 
-    size (3,) [m], half_widths: of tools that press between nodes [m]
+    size (3,) [m], half_width: of the narrowest tool that presses between nodes [m]
     """
     whole = _at_most(_MOST, size, min(size) / _ACROSS)
-    narrow = _HALF_WIDTHS * min(half_widths, default=np.inf)
+    narrow = _HALF_WIDTHS * half_width
     return whole if narrow >= whole else min(whole, _at_most(_MOST_FOR_TOOLS, size, narrow))
 
 
@@ -38,13 +37,14 @@ def _at_most(n_cells: int, size: Any, edge: float) -> float:
     return edge
 
 
-def solid_edge(vertices: Floats, triangles: Ints) -> float:
+def solid_edge(vertices: Floats, triangles: Ints, half_width: float = np.inf) -> float:
     """Of what a closed surface encloses [m]: 1.2 times 2V/S, a wall's thickness, and so short that there are some 50
-    cells. Quadratic cells of that size give forces within 5 to 7 %.
+    cells, less where a tool is narrow. Quadratic cells of that size give forces within 5 to 7 %.
 
-    vertices (n, 3) [m], triangles (T, 3) closed and outward
+    vertices (n, 3) [m], triangles (T, 3) closed and outward, half_width: of the narrowest tool [m]
     """
     a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
     volume = float(np.einsum("ti,ti->", a, np.cross(b, c))) / 6.0
     surface = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    return float(min(_WALLS * 2.0 * volume / surface, (volume / _LEAST_CELLS) ** (1.0 / 3.0)))
+    whole = min(_WALLS * 2.0 * volume / surface, (volume / _LEAST_CELLS) ** (1.0 / 3.0))
+    return float(min(whole, max(_HALF_WIDTHS * half_width, (volume / _MOST_FOR_TOOLS) ** (1.0 / 3.0))))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from softseam_services.body.body import Floats, Ints, Surface
-from softseam_services.body.default_cells import solid_edge
 from softseam_services.body.errors import MeshError
 from softseam_services.body.filled import FILL_FLOOR, FULL_MOMENTS
 from softseam_services.body.kernels.fill import octant_moments
@@ -92,13 +91,13 @@ def read_solid(
     return vertices - base, triangles, (*notes, *turned, *unit_guess(vertices, scale))
 
 
-def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats | None) -> Embedded:
+def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats) -> Embedded:
     """Cells over the bounding box of a solid, moments of the filled part of each octant, surface points.
 
     vertices (n, 3) [m], triangles (T, 3) closed and outward, cell: wanted edges (3,) [m]
     """
     corner, size = vertices.min(axis=0), np.ptp(vertices, axis=0)
-    counts, edges = divide(size, np.full(3, solid_edge(vertices, triangles)) if cell is None else cell)
+    counts, edges = divide(size, cell)
     if int(counts.prod()) > _MOST_CELLS:
         box = " x ".join(f"{edge:.3g}" for edge in size)
         raise MeshError(
