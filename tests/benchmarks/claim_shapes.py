@@ -1,9 +1,10 @@
-"""Closed surfaces as OBJ files: five from tests/meshes, two that come with softseam, and lumps made by code."""
+"""Closed surfaces as OBJ files: five from tests/meshes, two that come with softseam, and lumps that code makes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from random import Random
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +29,10 @@ LUMPS: dict[str, Callable[[Floats, Floats], Floats]] = {
 
 
 def obj(name: str) -> bytes:
-    """The file of a shape, in millimetres."""
-    return FILES[name].read_bytes() if name in FILES else _lump(LUMPS[name])
+    """The file of a shape, in millimetres; a name that no row has is of a lump drawn for it."""
+    if name in FILES:
+        return FILES[name].read_bytes()
+    return _lump(LUMPS[name] if name in LUMPS else _drawn(Random(name)))
 
 
 def extent(name: str) -> tuple[Floats, Floats]:
@@ -45,6 +48,22 @@ def _box(polar: Floats, around: Floats, half: tuple[float, float, float], power:
     """The superellipsoid with these half axes [mm]: a ball for power 2, nearly a box for more."""
     way = (np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar))
     return np.asarray(sum(np.abs(part / edge) ** power for part, edge in zip(way, half, strict=True)) ** (-1.0 / power))
+
+
+def _drawn(draw: Random) -> Callable[[Floats, Floats], Floats]:
+    """Between ball and box, with a blunter end, and with two to four edges or hollows around it."""
+    half = (draw.uniform(13.0, 30.0), draw.uniform(13.0, 30.0), draw.uniform(13.0, 30.0))
+    power, blunt, deep, lobes = (
+        draw.uniform(2.0, 5.0),
+        draw.uniform(-0.15, 0.15),
+        draw.uniform(-0.12, 0.12),
+        draw.choice((2, 3, 4)),
+    )
+    return lambda polar, around: (
+        _box(polar, around, half, power)
+        * (1.0 + blunt * np.cos(polar))
+        * (1.0 + deep * np.sin(polar) ** 2 * np.cos(lobes * around))
+    )
 
 
 def _lump(radius: Callable[[Floats, Floats], Floats], rings: int = 20, sides: int = 32) -> bytes:

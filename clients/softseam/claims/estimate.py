@@ -16,6 +16,8 @@ from softseam_protocol.facts import cores
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import bundle_scene
 
+_TIMED = "; a force times the motion, so what a step changes stands in for as much of the difference"
+"""what is said of claims where one does"""
 _SETUP = 300.0
 """longest time that a sibling may take to load the solvers, on a busy machine [s]"""
 _LONGER = 20.0
@@ -128,7 +130,7 @@ def compared(report: Mapping[str, Any], other: Mapping[str, Any], sibling: Sibli
     if settled:
         text = (
             f"± is {scale.factor:.2g} times the difference, less of a large one, to a run by FEM with cells and steps "
-            f"{longer}{cost}"
+            f"{longer}{cost}{_TIMED if scale.timed else ''}"
         )
     else:
         text = (
