@@ -1,7 +1,6 @@
 """Scenes that claims are held against the truth on: a third meshes, a third with slip or a drop.
 
-Each is short and small, for its truth takes some hundred times as long. Neighbours of the list go to different halves:
-the factor was chosen on the first of each pair and checked on the second.
+Each is short and small, for its truth takes some hundred times as long.
 """
 
 from __future__ import annotations
