@@ -114,7 +114,9 @@ def _check_body(
     own = f"{body.n_cells} {kind} {whose}, shortest edge {1e3 * body.edges[0]:.3g} mm"
     table.add_row("cells", f"{body.n_cells} of {edges} mm" if body.boxes else own)
     if not scene.body.tetrahedral:
-        table.add_row("filled", f"{body.full_cells} cells wholly; the emptiest to {100.0 * body.smallest_fill:.3g} %")
+        slivers = f", {body.slivers} by less than 2 %" if body.slivers else ""
+        emptiest = f"the emptiest to {100.0 * body.smallest_fill:.3g} %"
+        table.add_row("filled", f"{body.full_cells} cells wholly{slivers}; {emptiest}")
     table.add_row(
         "unknowns", f"{3 * (body.n_nodes - body.n_fixed)} ({body.n_nodes} nodes, {body.n_fixed} of them clamped)"
     )

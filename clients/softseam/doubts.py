@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
@@ -14,11 +15,11 @@ from softseam.odd_motion import odd_motion
 from softseam.odd_units import odd_units
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.kinds import element_warning
-from softseam_protocol.scene.motion import ClosePhase, MovePhase
+from softseam_protocol.scene.motion import ClosePhase, HoldPhase, MovePhase
 from softseam_protocol.scene.particles import RopeBody, SheetBody
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
-from softseam_protocol.scene.tools import PlaneTool
+from softseam_protocol.scene.tools import CapsuleTool, CylinderTool, PlaneTool, SphereTool, ToolSpec
 
 if TYPE_CHECKING:
     from softseam_services.body.body import Body
@@ -32,6 +33,8 @@ _SWIFT = 4.0
 """waves so many times as fast are worth a warning"""
 _HARD = 0.5
 """of the speed of waves: what is hit faster is squeezed to half, and more, before the rest of it knows"""
+_END_ON = 0.9
+"""cosine of a cylinder's axis and its way to the body, from which on it comes with a flat end"""
 _PARTS = 2.4
 """spacings of the points inside a face: what is narrower parts them, and cuts in"""
 
@@ -73,6 +76,7 @@ def doubts_of(setup: Setup, found: BodyCheck | None = None) -> list[str]:
         *_fine_friction(scene, apart, "shorter cells"),
         *_large(scene, 3 * (found.n_nodes - found.n_fixed)),
         *_thin_tools(scene, body, tools),
+        *_biting_tools(scene, body, tools),
         *_repaired_tools(tools),
         *_in_vain(scene, body),
         *_hard_hits(scene, body),
@@ -166,6 +170,40 @@ def _thin_tools(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
         f"body.cell: round tools are felt at points {1e3 * spacing:.3g} mm apart, between which these pass when "
         f"pressed in by about their width: {named}. Make cells {PATCHES * min(widths.values()) / _PARTS:.2g} m long"
     ]
+
+
+def _biting_tools(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
+    """Round tools that press a block in one phase and move on in another, of a radius shorter than a cell's edge: rows
+    of points to either side of them lie on slopes, so that they hold like pinions, with less friction than it takes.
+    """
+    from softseam_services.body.contact_points import is_embedded
+
+    if is_embedded(body):
+        return []
+    edge, middle = float(max(body.edges)), body.x_rest.mean(axis=0)
+    driven = Counter(name for phase in scene.motion if not isinstance(phase, HoldPhase) for name in phase.tools)
+    radii = {
+        name: 0.5 * width
+        for name, width in _felt_at_points(scene, body, tools)
+        if scene.tools[name].friction > 0.0 and driven[name] > 1 and _is_round(scene.tools[name], middle)
+    }
+    small = {name: radius for name, radius in radii.items() if radius < edge * (1.0 - 1e-9)}
+    if not small:
+        return []
+    named = ", ".join(f"{name} ({1e3 * radius:.3g} mm)" for name, radius in small.items())
+    return [
+        f"body.cell: round tools of a radius below the {1e3 * edge:.3g} mm of a cell hold with up to a third less "
+        f"friction than it takes, where they slide across their rounding: {named}. Where a grip is near what friction "
+        f"holds, make cells {min(small.values()):.2g} m long"
+    ]
+
+
+def _is_round(tool: ToolSpec, middle: NDArray[np.float64]) -> bool:
+    """Whether a tool meets a body about this point (3,) [m] with a side that is round."""
+    if isinstance(tool, CylinderTool):
+        way = middle - tool.position
+        return bool(abs(way @ tool.axis) < _END_ON * np.linalg.norm(way) * np.linalg.norm(tool.axis))
+    return isinstance(tool, SphereTool | CapsuleTool)
 
 
 def _felt_at_points(scene: Scene, body: Body, tools: ToolSet) -> Iterator[tuple[str, float]]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from softseam.duration import expected_duration
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.motion import ClosePhase, MovePhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
 
@@ -11,6 +13,12 @@ _TURNS = 2.0
 """more full turns are unlike a hand's"""
 _FAR = 30.0
 """moves so many times as long as the body are unlike a hand's"""
+_MANY_STEPS = 100_000
+"""more steps take hours, of whatever body"""
+_IDLE, _LONG = 30.0, 60.0
+"""durations longer than both so many times the motion and this [s] are unlike a run that is watched"""
+_CRUSHING = 3.0
+"""forces beyond so many times Young's modulus on the square of the body's largest extent squeeze it flat"""
 _OF_GRIP = ("grip_force", "compression")
 
 
@@ -19,7 +27,7 @@ def odd_motion(scene: Scene, size: float) -> list[str]:
 
     size  largest extent of the body [m]
     """
-    found = _never_gripped(scene)
+    found = [*_never_gripped(scene), *_odd_length(scene)]
     for number, phase in enumerate(scene.motion):
         key = f"motion.{number}"
         if isinstance(phase, TurnPhase):
@@ -32,13 +40,43 @@ def odd_motion(scene: Scene, size: float) -> list[str]:
             if way > _FAR * size:
                 times = f"{way / size:.3g} times the body's {size:.3g} m"
                 found.append(f"{key}.move: {way:.4g} m are {times}; is it in m, not in mm?")
-        elif isinstance(phase, ClosePhase) and scene.duration is None:
+        elif isinstance(phase, ClosePhase):
+            found += _crushes(scene, key, phase, size)
             until = phase.until
-            if until.force is not None and until.time is None and until.compression is None:
+            if scene.duration is None and until.force is not None and until.time is None and until.compression is None:
                 found.append(
                     f"{key}.until: {until.force:g} N may never be reached, and then the run does not end: give `time` "
                     "or `compression`, too; the first that is met ends the phase"
                 )
+    return found
+
+
+def _odd_length(scene: Scene) -> list[str]:
+    """That a run has more steps than anybody waits for, or goes on long after its motion."""
+    length = expected_duration(scene)
+    if length is not None and length / scene.step > _MANY_STEPS:
+        return [
+            f"step: {scene.step:g} s are {length / scene.step:,.0f} steps in {length:.4g} s, which take hours; are "
+            "both in s, not in ms or us?"
+        ]
+    motion = expected_duration(scene.model_copy(update={"duration": None})) if scene.motion else None
+    if scene.duration is None or motion is None or scene.duration <= max(_LONG, _IDLE * motion):
+        return []
+    return [f"duration: {scene.duration:.4g} s, but the motion is over after {motion:.3g} s; is it in s, not in ms?"]
+
+
+def _crushes(scene: Scene, key: str, phase: ClosePhase, size: float) -> list[str]:
+    """That a grip's force is beyond what the body can bear."""
+    if not isinstance(scene.body, BodySpec):
+        return []
+    most = _CRUSHING * max(material.young for material in scene.body.materials) * size**2
+    found = []
+    for name, force in (("force", phase.force), ("until.force", phase.until.force)):
+        if force is not None and force > most:
+            found.append(
+                f"{key}.{name}: {force:.4g} N squeezes a body of {size:.3g} m flat, whose material bears some "
+                f"{most / _CRUSHING:.2g} N on the whole of a side; is it in N, not in mN?"
+            )
     return found
 
 

@@ -26,7 +26,10 @@ class Alarm(Enum):
     """What the ledger warns of; the text names the remedy."""
 
     SEAM_WORK = "the seam does more work than 0.1 % of the energy: tighten its tolerance, or shorten the step"
-    CREATED = "energy appears from nowhere: shorten the step; is the integrator pair stable with this scheme?"
+    CREATED = (
+        "steps add energy that neither tools nor gravity put in, in sum more than a hundredth of the most that moved "
+        "or was strained: shorten the step"
+    )
     CONTACT = (
         "contact does more work on the body than the tools' motion puts in: shorten the step, or slow the tools down"
     )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from io import StringIO
 from pathlib import Path
 
 import pytest
+import solids
 from rich.console import Console
 
 import softseam
@@ -81,6 +83,28 @@ def test_what_a_setting_changed_is_warned_of_by_its_name(young: int, tmp_path: P
     path.write_text(SCENE)
     (told,) = warnings_of_run(path, [setting])
     assert told.startswith(f"warning: --set {setting}: body.material.young: {young} Pa")
+
+
+@pytest.mark.parametrize("young", [20.0, 50.0, 99.0])
+def test_a_modulus_in_kilopascals_is_told_without_weight(young: float, tmp_path: Path) -> None:
+    """Where no gravity would make it sink; the softest gels that stand have more."""
+    path = tmp_path / "cube.yaml"
+    path.write_text(SCENE.replace("duration: 0.02", "duration: 0.02\ngravity: [0, 0, 0]"))
+    (told,) = warnings_of_check(path, [f"body.material.young={young}"])
+    assert f"body.material.young: {young:g} Pa is unlike any soft solid" in told
+    assert warnings_of_check(path, [f"body.material.young={young + 80}"]) == []
+
+
+def test_cells_that_are_hardly_filled_are_told_in_the_table_alone(tmp_path: Path) -> None:
+    """They are joined to fuller ones: nothing about the scene is doubtful for them."""
+    (tmp_path / "ball.obj").write_bytes(solids.obj(*solids.sphere(0.02, 3)))
+    path, said = tmp_path / "ball.yaml", StringIO()
+    body = (
+        "body: {shape: {kind: mesh, path: ball.obj}, cell: 0.009, material: {young: 2e4, poisson: 0.4, density: 1e3}}"
+    )
+    path.write_text(f"softseam: 1\nname: ball\nduration: 0.02\n{body}\n")
+    check_scene(str(path), (), Console(file=said, width=1000))
+    assert re.search(r"cells wholly, \d+ by less than 2 %", said.getvalue()) and "warning" not in said.getvalue()
 
 
 @pytest.mark.parametrize("name", ["tofu", "jelly"])

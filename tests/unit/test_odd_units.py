@@ -1,4 +1,4 @@
-"""Gravity, speeds and tools that are likely in another unit than meant are warned of, and no others."""
+"""What is likely in another unit than meant, or along another axis, is warned of, and no others."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from softseam.odd_motion import odd_motion
 from softseam.odd_units import odd_units
 from softseam_protocol.scene.scene import Scene
 
@@ -81,3 +82,65 @@ def test_friction_in_percent(friction: float, told: bool) -> None:
     found = odd_units(scene(tools={"finger": tool, "floor": {"kind": "plane", "friction": friction}}), 0.05)
     words = f"friction: {friction:g} is more than any materials have"
     assert [text.split(".")[1] for text in found if words in text] == (["finger", "floor"] if told else [])
+
+
+FINGER = {"kind": "box", "size": [0.01, 0.06, 0.06], "position": [-0.043, 0, 0.03]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"gravity": [0, 0, 9.81]}, True),
+        ({"gravity": [0, -9.81, 0]}, True),
+        ({"gravity": [9.81, 0, -0.1]}, True),
+        ({"gravity": [0, -9.81, 0], "tools": {"floor": {"kind": "plane", "normal": [0, 2, 0]}}}, False),
+        ({"gravity": [6.9, 0, -6.9]}, False),
+        ({"gravity": [0, -9.81, 0], "tools": {}}, False),
+        ({"gravity": [0, -9.81, 0], "tools": {"wall": {"kind": "plane"}, "shelf": FINGER}}, False),
+        ({"gravity": [0, 0, 9.81], "body": {"fixed": [{"min": [-1, -1, -1], "max": [1, 1, 1e-3]}]}}, False),
+        ({"gravity": [0, 0, 9.81], "body": {"velocity": [0, 0, -2]}}, False),
+    ],
+)
+def test_gravity_that_no_plane_stands_against(changes: dict[str, Any], told: bool) -> None:
+    """Up, and along y as where y points up; a slope holds, and so may a shelf, a clamp, or a throw from above."""
+    found = odd_units(scene(**{"tools": {"ground": {"kind": "plane"}}, **changes}), 0.05)
+    assert [text.startswith("gravity: it pulls the body along every plane") for text in found] == [True] * told
+
+
+@pytest.mark.parametrize(("turn", "told"), [([0, 0, 45], True), ([0, -90, 0], True), ([3, 3, 3], False)])
+def test_turns_in_degrees(turn: list[float], told: bool) -> None:
+    """Of tools as they begin, by the length of axis times angle."""
+    found = odd_units(scene(tools={"finger": {**FINGER, "rotation": turn}}), 0.05)
+    assert bool(found) == told and all(text.startswith("tools.finger.rotation: ") for text in found)
+
+
+@pytest.mark.parametrize(("mass", "told"), [(100.0, True), (350.0, True), (5.0, False)])
+def test_masses_in_grams(mass: float, told: bool) -> None:
+    found = odd_units(scene(tools={"finger": {**FINGER, "mass": mass}}), 0.05)
+    assert [text.startswith(f"tools.finger.mass: {mass:g} kg") for text in found] == [True] * told
+
+
+def gripped(**changes: Any) -> Scene:
+    """Closed on with a force for half a second."""
+    right = {**FINGER, "position": [0.043, 0, 0.03]}
+    phase = {"tools": ["left", "right"], "close": 0.02, "until": {"force": changes.pop("force", 2.0), "time": 0.5}}
+    return scene(tools={"left": FINGER, "right": right}, motion=[phase], **changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"duration": 200.0}, "duration: 200 s, but the motion is over after 0.5 s; is it in s, not in ms?"),
+        ({"duration": 90.0, "step": 5e-4}, "step: 0.0005 s are 180,000 steps in 90 s"),
+        ({"duration": 0.5, "step": 1e-6}, "step: 1e-06 s are 500,000 steps in 0.5 s"),
+        ({"duration": 20.0}, ""),
+        ({"duration": 0.5, "step": 1e-4}, ""),
+        ({"force": 2000.0}, "motion.0.until.force: 2000 N squeezes a body of 0.05 m flat"),
+        ({"force": 500.0}, "motion.0.until.force: 500 N squeezes a body of 0.05 m flat"),
+        ({"force": 60.0}, ""),
+    ],
+)
+def test_times_in_milliseconds_and_forces_in_millinewtons(changes: dict[str, Any], words: str) -> None:
+    """A block of 5 cm and 20 kPa is squeezed to half by some 50 N on a whole side."""
+    told = odd_motion(gripped(**changes), 0.05)
+    assert [text.startswith(words) for text in told] == [True] if words else not told

@@ -202,7 +202,7 @@ def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, files: Mapping[str
         octant_material=octant_material,
         surface=solid.surface,
         moments=solid.moments,
-        notes=(*(f"{shape.path}: {note}" for note in read_notes), *solid.notes),
+        notes=tuple(f"{shape.path}: {note}" for note in read_notes),
     )
 
 

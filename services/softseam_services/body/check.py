@@ -12,6 +12,8 @@ from softseam_services.body.own_shapes import cell_volumes
 from softseam_services.body.surface_check import enclosed_volume, triangle_areas
 
 _SLIVER = 0.02
+_SOFTEST = 100.0
+"""the softest gels that stand [Pa]; 20 or 50 are likely kPa"""
 _STRETCHED = 3.0
 _INCOMPRESSIBLE = 0.495
 _COARSE = 8
@@ -95,7 +97,7 @@ def check_body(body: Body) -> BodyCheck:
     for number, each in enumerate(body.materials):
         warnings += _doubts(each, "body.material" if number == 0 else f"body.inclusions.{number - 1}.material")
     weight = body.material.density * float(np.ptp(points @ body.gravity)) / body.material.young
-    if weight > _SINKS:
+    if weight > _SINKS and body.material.young >= _SOFTEST:
         warnings.append(
             f"body.material.young: {body.material.young:g} Pa; the body would sink by some {100.0 * weight:.0f} % of "
             "its height under its own weight; are the units Pa, m and kg/m^3?"
@@ -162,7 +164,7 @@ def _doubts(material: Material, key: str) -> list[str]:
         doubts.append(f"{key}.poisson: {poisson:.4g} is nearly 0.5: the wave speed is {material.wave_speed:.0f} m/s")
     if not 10.0 <= material.density <= 25_000.0:
         doubts.append(f"{key}.density: {material.density:g} kg/m^3 is unlike any solid; is the unit kg/m^3?")
-    if not 10.0 <= material.young <= 1e9:
+    if not _SOFTEST <= material.young <= 1e9:
         doubts.append(f"{key}.young: {material.young:g} Pa is unlike any soft solid; is the unit Pa?")
     return doubts
 

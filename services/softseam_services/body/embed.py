@@ -8,7 +8,7 @@ import numpy as np
 
 from softseam_services.body.body import Floats, Ints, Surface
 from softseam_services.body.errors import MeshError
-from softseam_services.body.filled import FILL_FLOOR, FULL_MOMENTS
+from softseam_services.body.filled import FULL_MOMENTS
 from softseam_services.body.kernels.fill import octant_moments
 from softseam_services.body.lattice import divide, number_nodes
 from softseam_services.body.mass import lump
@@ -43,7 +43,6 @@ class Embedded:
     spread: float
     """volume over that of the cells that are kept: dropped slivers count with the rest [1]"""
     surface: Surface
-    notes: tuple[str, ...]
 
     def lumped(self, density: Floats) -> tuple[Floats, Floats]:
         """Fill (C, 8) and mass (C, 27) [kg] for densities (C, 8) [kg/m^3], see `lump`."""
@@ -127,17 +126,12 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats) -> Embedde
     area, normal = vertex_shares(vertices, triangles)
     octants_of = moments.reshape(counts[0], 2, counts[1], 2, counts[2], 2, 27).transpose(0, 2, 4, 5, 3, 1, 6)
     in_cells = octants_of[cell_grid[:, 0], cell_grid[:, 1], cell_grid[:, 2]].reshape(-1, 8, 27)
-    filled = np.maximum(in_cells[:, :, 0], FILL_FLOOR)
 
     share = contact_shares(vertices, area, normal, 0.5 * _SPACING * float(edges.min()))
     surface = Surface(carries, local, share, normal, triangles)
-    notes = []
-    slivers = int((filled.mean(axis=1) < 0.02).sum())
-    if slivers:
-        notes.append(f"{slivers} of {len(cell_grid)} cells are less than 2 % full")
     x_rest = corner + size * (node_grid / (2.0 * counts))
     spread = float(fill.sum()) / float(in_cells[:, :, 0].sum())
-    return Embedded(x_rest, cell_nodes, cell_grid, edges, in_cells, spread, surface, tuple(notes))
+    return Embedded(x_rest, cell_nodes, cell_grid, edges, in_cells, spread, surface)
 
 
 def _carry(vertices: Floats, corner: Floats, size: Floats, counts: Ints, cell_fill: Floats) -> tuple[Ints, Floats]:

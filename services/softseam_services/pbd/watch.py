@@ -130,7 +130,7 @@ def alarm(
         swept = f", sweeps {n_sweeps}{cold}" if n_sweeps else ""
         said[Detail.REPEATED] = f"{cause}: repeated with {n_substeps} substeps{swept}"
     elif n_sweeps and needs_two_sweeps(monitor):
-        said[Detail.SWEEPS] = f"crushed, torn or behind its shape: sweeps {n_sweeps}"
+        said[Detail.SWEEPS] = f"blocks are crushed, torn or lag behind: solved {n_sweeps} times a substep"
     if unfinished:
         said[Detail.UNFINISHED] = (
             f"residual not reached in {unfinished} of {n_substeps} substeps with {n_sweeps} sweeps"
