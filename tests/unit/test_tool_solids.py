@@ -14,8 +14,8 @@ from softseam_protocol.scene.tools import BoxTool, CapsuleTool, CylinderTool, Pl
 from softseam_services.body.errors import MeshError
 from softseam_services.shapes import SHAPES
 from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, MESH, PLANE, SPHERE
-from softseam_services.shapes.mesh import FINENESS, ToolMesh, tool_mesh
-from softseam_services.shapes.mesh_grid import SPACING
+from softseam_services.shapes.mesh import FINENESS, MOST, ToolMesh, tool_mesh
+from softseam_services.shapes.mesh_grid import SPACING, VALUES
 from softseam_services.shapes.turns import quaternion_onto, quaternion_turning, rotate, turned
 from softseam_services.tools.kernels import rotate_back, tool_gap
 
@@ -154,6 +154,43 @@ def test_a_box_mesh_is_the_box() -> None:
     assert error[by_face].max() < 1e-12
     assert error[near].max() < 0.2 * h
     assert pytest.approx(0.04 / FINENESS) == h
+
+
+@pytest.mark.parametrize(
+    ("size", "off"),
+    [
+        ((0.3, 0.3, 0.005), 2.5e-5),
+        ((0.1, 0.08, 0.001), 2.5e-5),
+        ((0.002, 0.06, 0.05), 1e-9),
+        ((0.001, 0.001, 0.05), 1e-9),
+    ],
+)
+def test_thin_plates_and_needles_have_a_finer_grid(size: tuple[float, float, float], off: float) -> None:
+    """Their faces are where they are; on 64 spacings along the longest edge they were beside them."""
+    mesh, thin = of(*box(size)), int(np.argmin(size))
+    assert not mesh.notes and len(mesh.row) <= VALUES + MOST
+    across = np.zeros((4001, 3))
+    across[:, thin] = np.linspace(0.0, 1.5 * size[thin], 4001)
+    inside = across[gaps(MESH, mesh.row, across)[:, 0] <= 0.0, thin]
+    assert inside.max() == pytest.approx(0.5 * size[thin], abs=off + 4e-4 * size[thin])
+
+
+@pytest.mark.parametrize(("thickness", "told"), [(0.0005, "0.5"), (0.002, "2")])
+def test_a_plate_too_thin_for_any_grid_says_so(thickness: float, told: str) -> None:
+    (note,) = of(*box((0.3, 0.3, thickness))).notes
+    assert note.startswith(f"its walls are some {told} mm thick") and "kind: box" in note
+
+
+@pytest.mark.parametrize(("wall", "filled"), [(2.5e-4, True), (8e-4, True), (3e-3, False)])
+def test_hollow_tools_of_thin_walls_are_filled(wall: float, filled: bool) -> None:
+    """The walls are thinner than the grid sees: a finger printed hollow was felt by nothing. Others stay hollow."""
+    inner = 0.04 - 2.0 * wall
+    vertices, triangles = join(box((0.04, 0.04, 0.04)), box((inner, inner, inner), (wall, wall, wall)))
+    triangles[12:] = triangles[12:, ::-1]
+    mesh = of(vertices, triangles)
+    centre, beneath = gaps(MESH, mesh.row, np.array([[0.0, 0.0, 0.0], [0.02 - 0.4 * wall, 0.003, 0.001]]))[:, 0]
+    assert (centre < 0.0) == filled and beneath < 0.0
+    assert ["cavity behind them was filled" in note for note in mesh.notes] == [True] * filled
 
 
 def test_a_sphere_mesh_is_the_sphere() -> None:

@@ -11,6 +11,7 @@ from softseam_protocol.scene.tools import MeshTool
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.embed import read_solid
 from softseam_services.body.errors import MeshError
+from softseam_services.body.surface_check import enclosed_volume, orient, triangle_areas
 from softseam_services.body.surface_points import refine
 from softseam_services.shapes.branches import MESH
 from softseam_services.shapes.geometry import Geometry
@@ -19,19 +20,30 @@ from softseam_services.shapes.shape import Files, Shape
 from softseam_services.shapes.turns import quaternion_turning
 
 FINENESS = 64
-"""spacings along the longest edge of the mesh's bounding box"""
+"""spacings along the longest edge of the mesh's bounding box, at least"""
+ACROSS = 4
+"""spacings across walls, where that takes no more than `MOST` points: every cubic at a wall's face then knows values of
+that face alone, and is exact"""
 OUTLINE = 16
 """points along the longest edge that tell whether the mesh pokes into a body"""
 RIM = 6
 """spacings between the bounding box and the end of the grid; the outermost one is for the interpolation's sake"""
+MOST = (FINENESS + 2 * RIM + 1) ** 3
+"""points of a grid: those of a cube"""
+_SEEN = 1.5
+"""spacings across a wall, wherever the grid lies: its faces are felt within .08 of a spacing; below .9 it is missed"""
 _KEPT = 8
 _made: dict[tuple[str, bytes, float, str, str | int | None], ToolMesh] = {}
 
 
 class ToolMesh:
-    """A closed surface about the centre of its bounding box, and the numbers that stand for it."""
+    """A closed surface about the centre of its bounding box, and the numbers that stand for it.
+
+    Cavities behind walls that the grid does not see are filled: no body that is outside them can come in.
+    """
 
     def __init__(self, vertices: Floats, triangles: Ints, notes: tuple[str, ...] = ()) -> None:
+        triangles, thin = _without_thin_walls(vertices, triangles)
         middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
         self.vertices: Floats = np.ascontiguousarray(vertices - middle)
         """(n, 3) [m]"""
@@ -40,7 +52,7 @@ class ToolMesh:
         size = float(np.ptp(vertices, axis=0).max())
         self.outline: Floats = refine(self.vertices, triangles, size / OUTLINE)[0]
         """points of the surface no farther apart than size/OUTLINE (m, 3) [m]"""
-        self.notes = notes
+        self.notes = notes + thin
         self.row = _distance_row(self.vertices, triangles)
 
 
@@ -66,15 +78,59 @@ def _distance_row(vertices: Floats, triangles: Ints) -> Floats:
     import igl  # a third of a second, for meshes alone
 
     half = vertices.max(axis=0)
-    spacing = 2.0 * float(half.max()) / FINENESS
-    # The grid is centred, so that a symmetric mesh has a symmetric distance.
-    counts = 2 * (np.ceil(half / spacing - 1e-9).astype(np.int64) + RIM) + 1
+    spacing = _spacing(half, wall_of(vertices, triangles))
+    counts = _counts(half, spacing)
     origin = -0.5 * spacing * (counts - 1)
     steps = [origin[axis] + spacing * np.arange(counts[axis]) for axis in range(3)]
     at = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
     by_normals = igl.SignedDistanceType.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
     distance = igl.signed_distance(at, vertices, triangles.astype(np.int64), by_normals)[0]
     return np.concatenate([half, origin, [spacing], counts, distance])
+
+
+def wall_of(vertices: Floats, triangles: Ints) -> float:
+    """How thick the walls of a solid are in the mean: twice its volume over its surface [m]."""
+    area = float(np.linalg.norm(triangle_areas(vertices, triangles), axis=1).sum())
+    return 2.0 * enclosed_volume(vertices, triangles) / area
+
+
+def _counts(half: Floats, spacing: float) -> Ints:
+    """Points along each axis; the grid is centred, so that a symmetric mesh has a symmetric distance."""
+    return np.asarray(2 * (np.ceil(half / spacing - 1e-9).astype(np.int64) + RIM) + 1)
+
+
+def _spacing(half: Floats, wall: float) -> float:
+    """Between points, for a bounding box with these half edges (3,) and walls so thick [m]."""
+    coarse = 2.0 * float(half.max()) / FINENESS
+    spacing = min(coarse, wall / ACROSS)
+    while spacing < coarse and _counts(half, spacing).prod() > MOST:
+        spacing *= 1.05
+    return min(coarse, spacing)
+
+
+def _without_thin_walls(vertices: Floats, triangles: Ints) -> tuple[Ints, tuple[str, ...]]:
+    """The triangles, without cavities where the grid does not see the walls around them; and what is to be said."""
+    half: Floats = 0.5 * np.ptp(vertices, axis=0)
+    wall, said = wall_of(vertices, triangles), []
+    if wall >= _SEEN * _spacing(half, wall):
+        return triangles, ()
+    shell = orient("", vertices, triangles)[2]
+    if shell.max() > 0:
+        parts = [triangles[shell == number] for number in range(int(shell.max()) + 1)]
+        triangles = max(parts, key=lambda part: abs(enclosed_volume(vertices, part)))
+        said.append(
+            f"its walls are some {1e3 * wall:.2g} mm thick, too thin to be felt: the cavity behind them was filled, "
+            "which no tool shows from outside"
+        )
+        wall = wall_of(vertices, triangles)
+    spacing = _spacing(half, wall)
+    if wall < _SEEN * spacing:
+        said.append(
+            f"its walls are some {1e3 * wall:.2g} mm thick, and its distance is known every {1e3 * spacing:.2g} mm: it "
+            f"is felt too thick, or in places not at all; make its walls {_SEEN * 1e3 * spacing:.2g} mm thick, cut off "
+            "what touches nothing, or take `kind: box`"
+        )
+    return triangles, tuple(said)
 
 
 def geometry(spec: MeshTool, files: Files) -> Geometry:
