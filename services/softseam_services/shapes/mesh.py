@@ -32,6 +32,8 @@ MOST = (FINENESS + 2 * RIM + 1) ** 3
 """points of a grid: those of a cube"""
 _SEEN = 1.5
 """spacings across a wall, wherever the grid lies: its faces are felt within .08 of a spacing; below .9 it is missed"""
+_FEW = 0.05
+"""share of the surface that may lie over thinner walls, as beside sharp edges [1]"""
 _KEPT = 8
 _made: dict[tuple[str, bytes, float, str, str | int | None], ToolMesh] = {}
 
@@ -108,27 +110,35 @@ def _spacing(half: Floats, wall: float) -> float:
     return min(coarse, spacing)
 
 
+def _thin_share(vertices: Floats, triangles: Ints, thickness: float) -> float:
+    """Share of the surface beneath which a solid is thinner than this [m]: so deep one is outside again [1]."""
+    import igl
+
+    points, faces = refine(vertices, triangles, float(np.ptp(vertices, axis=0).max()) / OUTLINE)
+    area = triangle_areas(points, faces)
+    size = np.linalg.norm(area, axis=1)
+    beneath = points[faces].mean(axis=1) - thickness * area / size[:, None]
+    inside = igl.winding_number(vertices, triangles.astype(np.int64), beneath) > 0.5
+    return float(size[~inside].sum() / size.sum())
+
+
 def _without_thin_walls(vertices: Floats, triangles: Ints) -> tuple[Ints, tuple[str, ...]]:
     """The triangles, without cavities where the grid does not see the walls around them; and what is to be said."""
     half: Floats = 0.5 * np.ptp(vertices, axis=0)
-    wall, said = wall_of(vertices, triangles), []
-    if wall >= _SEEN * _spacing(half, wall):
-        return triangles, ()
+    said = []
+    seen = _SEEN * _spacing(half, wall_of(vertices, triangles))
+    share = _thin_share(vertices, triangles, seen)
     shell = orient("", vertices, triangles)[2]
-    if shell.max() > 0:
+    if share > _FEW and shell.max() > 0:
         parts = [triangles[shell == number] for number in range(int(shell.max()) + 1)]
         triangles = max(parts, key=lambda part: abs(enclosed_volume(vertices, part)))
+        said.append(f"its walls are thinner than {1e3 * seen:.2g} mm, too thin to be felt: what is hollow was filled")
+        seen = _SEEN * _spacing(half, wall_of(vertices, triangles))
+        share = _thin_share(vertices, triangles, seen)
+    if share > _FEW:
         said.append(
-            f"its walls are some {1e3 * wall:.2g} mm thick, too thin to be felt: the cavity behind them was filled, "
-            "which no tool shows from outside"
-        )
-        wall = wall_of(vertices, triangles)
-    spacing = _spacing(half, wall)
-    if wall < _SEEN * spacing:
-        said.append(
-            f"its walls are some {1e3 * wall:.2g} mm thick, and its distance is known every {1e3 * spacing:.2g} mm: it "
-            f"is felt too thick, or in places not at all; make its walls {_SEEN * 1e3 * spacing:.2g} mm thick, cut off "
-            "what touches nothing, or take `kind: box`"
+            f"beneath {100.0 * share:.2g} % of its surface it is thinner than {1e3 * seen:.2g} mm, and felt too thick, "
+            "or in places not at all: make it thicker, cut off what touches nothing, or take `kind: box`"
         )
     return triangles, tuple(said)
 
