@@ -18,7 +18,8 @@ from softseam_services.tools.build import build_tools
 ROD = {"kind": "capsule", "radius": 5e-3, "length": 0.04, "position": [0, 0, 0.06]}
 LONG = solids.obj(*solids.box((0.01, 0.01, 0.04)))
 PLATE = solids.obj(*solids.box((0.04, 0.03, 1e-3)))
-SHORTER = 7.5e-3
+SHORTER = [0.06 / 9, 7.5e-3]
+"""edges that 400 cells allow, of which a rod asks for 5 mm [m]"""
 
 
 def edges(tool: dict[str, Any], **shape: Any) -> list[float]:
@@ -40,26 +41,27 @@ def edges(tool: dict[str, Any], **shape: Any) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    ("tool", "edge"),
+    ("tool", "found"),
     [
         (ROD, SHORTER),
         ({**ROD, "kind": "cylinder"}, SHORTER),
         ({"kind": "mesh", "path": "long.obj", "position": [0, 0, 0.06], "rotation": [0, 1, 0]}, SHORTER),
-        ({"kind": "mesh", "path": "plate.obj", "position": [0, 0, 0.06]}, 0.01),
-        ({"kind": "sphere", "radius": 0.02, "position": [0, 0, 0.06]}, 0.01),
-        ({"kind": "box", "size": [1e-3, 0.01, 0.01], "position": [0, 0, 0.06]}, 0.01),
+        ({"kind": "mesh", "path": "plate.obj", "position": [0, 0, 0.06]}, [0.01]),
+        ({"kind": "sphere", "radius": 0.02, "position": [0, 0, 0.06]}, [0.01]),
+        ({"kind": "box", "size": [1e-3, 0.01, 0.01], "position": [0, 0, 0.06]}, [0.01]),
     ],
     ids=["capsule", "cylinder", "mesh", "mesh of a plate", "wide", "box"],
 )
-def test_narrow_tools_ask_for_shorter_cells(tool: dict[str, Any], edge: float) -> None:
-    assert edges(tool) == [edge]
+def test_narrow_tools_ask_for_shorter_cells(tool: dict[str, Any], found: list[float]) -> None:
+    assert edges(tool) == pytest.approx(found)
 
 
 @pytest.mark.parametrize(
     ("size", "half_width", "n_cells"),
     [
         ((0.06, 0.06, 0.03), np.inf, (6, 6, 3)),
-        ((0.06, 0.06, 0.03), 5e-3, (8, 8, 4)),
+        ((0.06, 0.06, 0.03), 7.5e-3, (8, 8, 4)),
+        ((0.06, 0.06, 0.03), 5e-3, (9, 9, 4)),
         ((0.06, 0.06, 0.03), 1e-4, (9, 9, 4)),
         ((0.16, 0.16, 0.08), 5e-3, (9, 9, 4)),
         ((1.0, 1.0, 0.02), np.inf, (54, 54, 1)),
@@ -87,5 +89,5 @@ def test_a_sibling_knows_them(borders: str) -> None:
     assert isinstance(scene.body, BodySpec)
     body = build_body(scene, {})
     frame: Any = type("Rest", (), {"x": body.x_rest, "cell_near": np.zeros(body.n_cells)})
-    assert cell_edges(scene.body, frame) == pytest.approx(SHORTER)
+    assert cell_edges(scene.body, frame) == pytest.approx([SHORTER[0], *SHORTER])
     assert build_tools(scene).half_width == pytest.approx([5e-3])

@@ -120,8 +120,8 @@ class BodySpec(OwnRegions):
         | None
     ) = Field(
         default=None,
-        description="cell edge, or edges along x, y, z [m]; default: a third of a block's least extent, less where "
-        "round tools or meshes are narrow, longer where that were thousands of cells; of a mesh by its walls",
+        description="cell edge, or edges along x, y, z [m]; default: a third of a block's least extent, longer where "
+        "that were thousands of cells, of a mesh by its walls; less where round tools, or tools from files, are narrow",
     )
     material: AnyMaterial
     inclusions: tuple[InclusionSpec, ...] = Field(

@@ -14,8 +14,9 @@ _ACROSS = 3.0
 _MOST, _MOST_FOR_TOOLS = 3_000, 400
 """cells of a body: a step of some seconds by FEM, of some tenths by XPBD; and those that narrow tools may ask for, of
 which a step of FEM takes some hundredths"""
-_HALF_WIDTHS = 1.5
-"""cells that are longer, in half widths of a tool, feel it by more than a tenth too firmly (docs/decisions/43)"""
+_HALF_WIDTHS = 1.0
+"""cells that are longer, in half widths of a tool, are bitten by it, and hold with too little friction
+(docs/decisions/43)"""
 _WALLS, _LEAST_CELLS = 1.2, 48.0
 
 

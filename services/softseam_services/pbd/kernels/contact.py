@@ -10,8 +10,8 @@ is its debt, paid back where p is above its mean, so that the mean friction of w
 fades where the point sticks. So it is on planes, and on any tool that has the body alone. Where several may touch it,
 or what is beyond a seam, P is p on all but planes, and where contact has a compliance: what is squeezed would gain
 energy by what is lent.
-A point touches the side of a box that it faced when the substep began, while it is above that side, and one that comes
-fast is followed on its way to any other tool (`swept_gap`): neither passes to the far side.
+A point touches the side of a box that it faced when the substep began (`faced`), and one that comes fast is followed on
+its way to any other tool (`swept_gap`): neither passes to the far side.
 g_0 = 0 for points that were outside; a point that was handed over inside a tool comes out within some milliseconds,
 g_0 = old gap/(1 + h/tau), because all at once would kick it. Where a tool covers a part of what a point stands for
 (`share`), and on an embedded surface (body/contact_points.py), contact has a compliance alpha, and
@@ -29,8 +29,9 @@ import numpy as np
 
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, PLANE
-from softseam_services.tools.kernels import FLAT, SLOW, box_gap, plane_gap, rotate, rotate_back, side_gap, swept_gap
+from softseam_services.tools.kernels import FLAT, SLOW, plane_gap, rotate, rotate_back, side_gap, swept_gap
 
+from .faced import face_sides, faced_gap
 from .lanes import batch_kernel, four, lane_kernel, three
 from .pairs import (
     ALLOWED,
@@ -41,7 +42,6 @@ from .pairs import (
     DEPTH,
     EDGED,
     EIGHT,
-    FACED,
     FORCE,
     FRICTION,
     GAP,
@@ -140,64 +140,13 @@ def solve_on_plane(row, normal, place, motion, hh, newer):
         _solve(row, lane, gap, nx, ny, nz, motion, hh, newer)
 
 
-@lane_kernel
-def _faced_gap(row, lane, a, b, c, x, y, z):
-    """Gap and normal, in the frame of a box of half edges a, b, c, of a point there: to the side that it faced when the
-    substep began, where it is above that, else to the box."""
-    sx, sy, sz = row[lane + EIGHT * FACED], row[lane + EIGHT * (FACED + 1)], row[lane + EIGHT * (FACED + 2)]
-    gap, nx, ny, nz = box_gap(a, b, c, x, y, z)
-    above = (sx != 0.0 or abs(x) <= a) and (sy != 0.0 or abs(y) <= b) and (sz != 0.0 or abs(z) <= c)
-    faces = above and (sx != 0.0 or sy != 0.0 or sz != 0.0)
-    gap = sx * x + sy * y + sz * z - (abs(sx) * a + abs(sy) * b + abs(sz) * c) if faces else gap
-    return gap, sx if faces else nx, sy if faces else ny, sz if faces else nz
-
-
-@lane_kernel
-def _face_side(row, lane, a, b, c, x, y, z, fx, fy, fz):
-    """FACED of one point at x, y, z with the force f, both in the frame of a box of half edges a, b, c.
-
-    A point inside is pushed by the side where its force is largest beside its way out there: that of friction alone may
-    be larger than what presses, where it is lent or its coefficient is above 1, but the way along a side is long. A
-    point that yields may come out behind: there its force points back through the box.
-    """
-    u, v, w = abs(x) - a, abs(y) - b, abs(z) - c
-    beyond = (1.0 if u > 0.0 else 0.0) + (1.0 if v > 0.0 else 0.0) + (1.0 if w > 0.0 else 0.0)
-    outwards = (fx * x if u > 0.0 else 0.0) + (fy * y if v > 0.0 else 0.0) + (fz * z if w > 0.0 else 0.0)
-    back = beyond == 1.0 and outwards < 0.0
-    pushed = fx * fx + fy * fy + fz * fz > 0.0 and (beyond == 0.0 or back)
-    u = abs(fx) / (a - (x if fx > 0.0 else -x)) if pushed else u
-    v = abs(fy) / (b - (y if fy > 0.0 else -y)) if pushed else v
-    w = abs(fz) / (c - (z if fz > 0.0 else -z)) if pushed else w
-    x, y, z = fx if pushed else x, fy if pushed else y, fz if pushed else z
-    one = 1.0 if beyond <= 1.0 else 0.0
-    first = u >= v and u >= w
-    second = not first and v >= w
-    third = not first and not second
-    row[lane + EIGHT * FACED] = (one if x > 0.0 else -one) if first else 0.0
-    row[lane + EIGHT * (FACED + 1)] = (one if y > 0.0 else -one) if second else 0.0
-    row[lane + EIGHT * (FACED + 2)] = (one if z > 0.0 else -one) if third else 0.0
-
-
-@batch_kernel
-def face_sides(row, a, b, c, place, turn):
-    """FACED of eight points: the side of a box that a point outside is beyond, none past an edge; of one inside the
-    side that pushes it, by its FORCE, or else the nearest. Tools are where they begin the substep."""
-    px, py, pz = place
-    for lane in range(EIGHT):
-        x, y, z = row[lane + EIGHT * BEFORE], row[lane + EIGHT * (BEFORE + 1)], row[lane + EIGHT * (BEFORE + 2)]
-        x, y, z = rotate_back(turn, x - px, y - py, z - pz)
-        fx, fy, fz = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)], row[lane + EIGHT * (FORCE + 2)]
-        fx, fy, fz = rotate_back(turn, fx, fy, fz)
-        _face_side(row, lane, a, b, c, x, y, z, fx, fy, fz)
-
-
 @batch_kernel
 def solve_on_box(row, a, b, c, place, turn, motion, hh, newer):
     """The eight pairs of a group with a box of half edges a, b, c."""
     px, py, pz = place
     for lane in range(EIGHT):
         x, y, z = rotate_back(turn, row[lane] - px, row[lane + EIGHT] - py, row[lane + 2 * EIGHT] - pz)
-        gap, nx, ny, nz = _faced_gap(row, lane, a, b, c, x, y, z)
+        gap, nx, ny, nz = faced_gap(row, lane, a, b, c, x, y, z)
         nx, ny, nz = rotate(turn, nx, ny, nz)
         _solve(row, lane, gap, nx, ny, nz, motion, hh, newer)
 
@@ -255,7 +204,7 @@ def find_side_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
             gap, nx, ny, nz = plane_gap(plane, place, turn, x)
         elif kind == BOX:
             u, v, w = rotate_back(turn, x[0] - place[0], x[1] - place[1], x[2] - place[2])
-            gap, nx, ny, nz = _faced_gap(row, lane, shape[0], shape[1], shape[2], u, v, w)
+            gap, nx, ny, nz = faced_gap(row, lane, shape[0], shape[1], shape[2], u, v, w)
             nx, ny, nz = rotate(turn, nx, ny, nz)
         else:
             gap, nx, ny, nz = _swept(row, lane, kind, shape, place, turn, motion, slow)

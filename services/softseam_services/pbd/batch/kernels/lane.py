@@ -11,7 +11,8 @@ import numpy as np
 from softseam_services.pbd.batch.layout import OLD, POSITION, SOFTNESS, STAR, TURN, WAY, WEIGHTS, A, V, W, X
 from softseam_services.pbd.kernels.block import LAM, MU, bending_energy, read_row, shape, spread
 from softseam_services.pbd.kernels.block import VOLUME as BLOCK_VOLUME
-from softseam_services.pbd.kernels.contact import MEMORY, _face_side, _faced_gap, _solve
+from softseam_services.pbd.kernels.contact import MEMORY, _solve
+from softseam_services.pbd.kernels.faced import face_side, faced_gap
 from softseam_services.pbd.kernels.form import FORM
 from softseam_services.pbd.kernels.hold import SHARE
 from softseam_services.pbd.kernels.lanes import LANES, lane_kernel
@@ -158,7 +159,7 @@ def begin_on_box(row, own, a, b, c):
     x, y, z = to_tool(row, own, x, y, z)
     at = own + EIGHT * ROW_FORCE
     fx, fy, fz = to_tool(row, own, row[at], row[at + EIGHT], row[at + 2 * EIGHT])
-    _face_side(row, own, a, b, c, x, y, z, fx, fy, fz)
+    face_side(row, own, a, b, c, x, y, z, fx, fy, fz)
 
 
 @lane_kernel
@@ -166,7 +167,7 @@ def box_gap_of(row, own, a, b, c):
     """Gap and normal of a point to its tool, a box of half edges a, b, c."""
     x, y, z = from_middle(row, own, 0)
     x, y, z = to_tool(row, own, x, y, z)
-    gap, nx, ny, nz = _faced_gap(row, own, a, b, c, x, y, z)
+    gap, nx, ny, nz = faced_gap(row, own, a, b, c, x, y, z)
     nx, ny, nz = from_tool(row, own, nx, ny, nz)
     return gap, nx, ny, nz
 
