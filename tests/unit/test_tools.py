@@ -82,7 +82,7 @@ def test_near_tools_are_those_that_move_unless_named() -> None:
 )
 def test_touching_is_allowed(tool: dict[str, object]) -> None:
     spec = scene({"tool": tool})
-    build_tools(spec, build_body(spec, {}), FILES)
+    build_tools(spec, build_body(spec, FILES), FILES)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_touching_is_allowed(tool: dict[str, object]) -> None:
 def test_tools_inside_the_body_are_refused_by_name(tool: dict[str, object]) -> None:
     spec = scene({"fine": box([0.2, 0, 0]), "left": tool})
     with pytest.raises(ToolError, match=r"tools\.left: it starts .*inside the body: move it clear") as caught:
-        build_tools(spec, build_body(spec, {}), FILES)
+        build_tools(spec, build_body(spec, FILES), FILES)
     assert "fine" not in str(caught.value)
 
 
@@ -152,7 +152,7 @@ def test_a_mesh_without_its_file_and_an_axis_of_zero_are_refused() -> None:
 def test_rounding_is_no_place(above: float) -> None:
     """A body on the ground stands at z 0 in what is said of it."""
     spec = scene({"left": box([0.034, 0, 0.025])})
-    body = build_body(spec, {})
+    body = build_body(spec, FILES)
     body.x_rest[:, 2] += above - body.x_rest[:, 2].min()
     with pytest.raises(ToolError, match=r"; z 0 \.\. "):
         build_tools(spec, body, FILES)

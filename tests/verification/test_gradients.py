@@ -40,7 +40,7 @@ ALL = "tools.ground.friction,tools.left.friction,tools.right.friction"
 CLAMP = {"fixed": [{"min": [-0.026, -0.03, -0.01], "max": [-0.024, 0.03, 0.06]}]}
 ROUND: dict[str, Any] = {
     "ground": {"kind": "plane", "friction": 0.5},
-    "left": {"kind": "sphere", "radius": 0.012, "position": [0.004, 0.003, 0.0625], "friction": 0.4},
+    "left": {"kind": "sphere", "radius": 0.012, "position": [0.004, 0.003, 0.0631], "friction": 0.4},
     "right": {
         "kind": "capsule",
         "radius": 0.006,

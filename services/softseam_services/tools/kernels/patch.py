@@ -1,7 +1,7 @@
 """How firmly a tool presses a patch of a block's surface: by how round it is, and how much of the patch a face covers.
 
-A patch yields, in place of the waves that a cell's few freedoms lack and that grow with a tool's curvature, by
-  1/r = h/(DENSE E A) under what is flat,  1/r = (h/(DENSE E A)) (1 + h/R) under what is round,                   (1)
+A patch yields in place of the waves that a cell's few freedoms lack. These grow with a tool's curvature, so it does by
+  1/r = h/(k E A),  k = DENSE under what is flat,  ROUND (1 + (R/(WIDE h))^3) under what is round,               (1)
 h the spacing of nodes, A the patch, R half the tool's width.
 
 Which part of a patch a flat face covers is known by signed distance alone. A place is covered where there is tool above
@@ -29,12 +29,13 @@ from softseam_services.shapes.branches import BOX, CAPSULE, PLANE, SPHERE
 from softseam_services.shapes.distance import tool_gap
 from softseam_services.shapes.turns import rotate, rotate_back
 
-DENSE = 20.0
-"""contact penalty of a patch that is covered, E A/h with h the spacing of nodes; see the decision notes"""
+DENSE, ROUND = 20.0, 14.0
+"""contact penalties of a patch, E A/h with h the spacing of nodes: under what is flat, and under what is round and
+narrow; see the decision notes"""
 EDGE = 2.0
 """the same of what yields about a traction on a part of a face"""
-ROUND = 0.7
-"""how many times more yields what is as narrow as nodes are apart; see the decision notes"""
+WIDE = 6.0
+"""half width of a tool, over the spacing of nodes, from which on it meets a surface twice as firm"""
 FLAT = -3
 """in place of a side of a box: the tool presses by the plane of a face that covers the patch in part"""
 _FACING = 0.5
@@ -63,8 +64,8 @@ def plane_gap(plane, position, orientation, point):
 
 @njit(cache=True, error_model="numpy")
 def round_by(half_width, h):
-    """How many times more yields what is round, eq. (1), where nodes are h apart [1]."""
-    return 1.0 + ROUND * np.minimum(1.0, h / half_width)
+    """How many times more a patch yields under what is round than under what is flat, eq. (1) [1]."""
+    return DENSE / ROUND / (1.0 + (half_width / (WIDE * h)) ** 3)
 
 
 @njit(cache=True, error_model="numpy")
