@@ -24,11 +24,11 @@ from softseam_services.tools.kernels import (
     plane_gap,
     rotate,
     rotate_back,
-    round_by,
     side_along,
     side_gap,
     swept_gap,
     tool_gap,
+    yields_under_round,
 )
 
 _BESIDE = 0.25
@@ -209,7 +209,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                         share, side = firm * share, FLAT
                         gap = plane_gap(work.plane[count], position, turn, xp)[0]
                     else:
-                        share /= round_by(tools.half_width[tool], 0.5 * edge)
+                        share /= yields_under_round(tools.half_width[tool], 0.5 * edge)
                 elif face == SPREAD:
                     carry = 0.0
             if gap < reach or touched or work.factored_state[point, tool] != OPEN:

@@ -22,6 +22,8 @@ its pressure fades, and it is met at the patch's middle.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from softseam_services.jit import njit
@@ -62,10 +64,12 @@ def plane_gap(plane, position, orientation, point):
     return away - plane[3], nx, ny, nz
 
 
-@njit(cache=True, error_model="numpy")
-def round_by(half_width, h):
+def round_by(half_width: Any, h: Any) -> Any:
     """How many times more a patch yields under what is round than under what is flat, eq. (1) [1]."""
     return DENSE / ROUND / (1.0 + (half_width / (WIDE * h)) ** 3)
+
+
+yields_under_round = njit(cache=True, error_model="numpy")(round_by)
 
 
 @njit(cache=True, error_model="numpy")
