@@ -153,8 +153,8 @@ print(json.dumps(found))
 """
 
 BUDGET = {
-    "fem": ({"advance": 265}, 167_000),
-    "pbd": ({"advance_step": 198, "probe_seam": 170, "highest_frequency": 65}, 150_000),
+    "fem": ({"advance": 266}, 167_000),
+    "pbd": ({"advance_step": 199, "probe_seam": 171, "highest_frequency": 65}, 150_000),
 }
 """most functions in the largest kernels that a first start compiles (others: 55), and most instructions of all
 

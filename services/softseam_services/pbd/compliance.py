@@ -142,6 +142,7 @@ class SeamProbe:
             weight=parameters.weight[kept],
             point_softness=parameters.point_softness[self._used],
             point_give=parameters.point_give[self._used],
+            point_lag=parameters.point_lag[self._used],
             tolerance=0.0,
         )
         n, p, t, b = len(ids), len(self._used), model.n_tools, blocks.n_batches

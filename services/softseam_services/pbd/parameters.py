@@ -57,9 +57,9 @@ class PbdParameters:
     point_softness: Floats
     """sum of w_i N_i^2 of each point (p,) [1/kg]"""
     point_give: Floats
-    """as of `Points.give` (p, t) [m/N]"""
-    flat_give: Floats
-    """as of `Points.flat` (p - k,) [m/N]"""
+    """as of `Points.give` (p,) [m/N]"""
+    point_lag: Floats
+    """as of `Points.lag` (p, t) [m]"""
     friction_factor: Floats
     """of each point, on the friction of every tool (p,) [1]"""
     wave_speed: float
@@ -122,7 +122,7 @@ class PbdParameters:
             weight=self.weight,
             point_softness=self.point_softness,
             point_give=self.point_give,
-            flat_give=self.flat_give,
+            point_lag=self.point_lag,
             friction_factor=self.friction_factor,
             edged=faces.edged,
             face_stiffness=faces.stiffness,
@@ -182,7 +182,7 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         if len(weight)
         else np.zeros(0),
         point_give=points.give,
-        flat_give=points.flat,
+        point_lag=points.lag,
         friction_factor=body.friction_field.at_points(x_rest, model.indptr, model.node, weight),
         wave_speed=body.wave_speed,
         least_mu=min(material.mu for material in body.materials),

@@ -18,7 +18,7 @@ from softseam_services.body.interpolate import point_weights
 from softseam_services.body.outer_faces import outer_faces
 from softseam_services.shapes.branches import CYLINDER
 from softseam_services.tools.face_points import FacePoints, face_points, round_tools
-from softseam_services.tools.kernels import DENSE, round_by
+from softseam_services.tools.kernels import DENSE, LIGHT, sag_by
 from softseam_services.tools.tool_set import ToolSet
 
 THINNEST = 0.125
@@ -36,10 +36,11 @@ class Points(NamedTuple):
     touches: Mask
     """(p, t)"""
     give: Floats
-    """compliance of contact, 1/r of body/contact_points.py, inside faces that under what is round, eq. (1) of
-    tools/kernels/patch.py; 0 at nodes (p, t) [m/N]"""
-    flat: Floats
-    """the same under what is flat, of points inside faces (p - k,) [m/N]"""
+    """compliance of contact, 1/r of body/contact_points.py, inside faces that of tools/kernels/patch.py; 0 at nodes
+    (p,) [m/N]"""
+    lag: Floats
+    """how much farther a point that is pressed firmly is inside a tool for its being round, (1 - LIGHT/DENSE) s of
+    tools/kernels/patch.py (p, t) [m]"""
     outward: Floats
     """as of `FacePoints`, of those inside faces (p - k,)"""
 
@@ -49,16 +50,15 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
     without round tools."""
     indptr, node, weight = point_weights(body, region, "hex8")
     touches = np.tile(body.surface.area[region.points][:, None] > 0.0, len(tools.names))
-    give = np.zeros(touches.shape)
+    give, lag = np.zeros(len(touches)), np.zeros(touches.shape)
     if is_embedded(body):
-        stiffness = point_stiffness(body, region, np.full(len(give), 0.5 * body.resolution))[:, None]
+        stiffness = point_stiffness(body, region, np.full(len(give), 0.5 * body.resolution))
         np.divide(1.0, stiffness, out=give, where=stiffness > 0.0)
     between = round_tools(tools, body) & ~_thin_discs(tools, body)
     if not between.any():
-        return Points((indptr, node, weight), touches, give, np.zeros(0), np.zeros(0))
+        return Points((indptr, node, weight), touches, give, lag, np.zeros(0))
     inner = face_points(body, region, outer_faces(body, region), "hex8")
     h = inner.edge[inner.face] * np.where(coarse[inner.cell], 1.0, 0.5)  # of blocks
-    flat = h / (DENSE * _young(body, region, inner) * inner.area)
     touches &= ~(between & np.isin(node, inner.node)[:, None])
     return Points(
         (
@@ -67,8 +67,8 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
             np.concatenate([weight, inner.weight]),
         ),
         np.concatenate([touches, np.tile(between, (len(inner.cell), 1))]),
-        np.concatenate([give, flat[:, None] * round_by(tools.half_width, h[:, None])]),
-        flat,
+        np.concatenate([give, h / (DENSE * _young(body, region, inner) * inner.area)]),
+        np.concatenate([lag, (1.0 - LIGHT / DENSE) * sag_by(tools.half_width, h[:, None])]),
         inner.outward,
     )
 

@@ -56,9 +56,9 @@ class ParameterArrays(NamedTuple):
     weight: Floats
     point_softness: Floats
     point_give: Floats
+    """(p,)"""
+    point_lag: Floats
     """(p, t)"""
-    flat_give: Floats
-    """(p - k,)"""
     friction_factor: Floats
     """(p,)"""
     # faces

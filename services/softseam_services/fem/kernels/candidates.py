@@ -24,11 +24,11 @@ from softseam_services.tools.kernels import (
     plane_gap,
     rotate,
     rotate_back,
+    sag_under,
     side_along,
     side_gap,
     swept_gap,
     tool_gap,
-    yields_under_round,
 )
 
 _BESIDE = 0.25
@@ -170,7 +170,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
             position, turn = tools.position_next[tool], tools.orientation_next[tool]
             f0, f1, f2 = multiplier[point, tool, 0], multiplier[point, tool, 1], multiplier[point, tool, 2]
             touched = f0 != 0.0 or f1 != 0.0 or f2 != 0.0
-            share, carry, side = 1.0, 1.0, -1
+            share, carry, sag, side = 1.0, 1.0, 0.0, -1
             if face >= 0 and kind == BOX:
                 nodes, patch = model.face_nodes[face], model.point_patch[point]
                 if seen[tool] != face:
@@ -209,7 +209,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                         share, side = firm * share, FLAT
                         gap = plane_gap(work.plane[count], position, turn, xp)[0]
                     else:
-                        share /= yields_under_round(tools.half_width[tool], 0.5 * edge)
+                        sag = sag_under(tools.half_width[tool], 0.5 * edge)
                 elif face == SPREAD:
                     carry = 0.0
             if gap < reach or touched or work.factored_state[point, tool] != OPEN:
@@ -252,6 +252,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                 work.hold[count, 1] = carry
                 work.hold[count, 2] = 0.0
                 work.hold[count, 3] = pace
+                work.hold[count, 4] = sag
                 if pace < 1.0:
                     position, turn = tools.position[tool], tools.orientation[tool]
                     if side == FLAT:

@@ -31,7 +31,9 @@ short steps have a stiffer r (`firmness`). At an edge, where a gap stays, they w
 stiffer by F = min(`firmness`, 1/(1 - c)) only, and 1 - F (1 - c) takes the place of c, which leaves the hold as it is.
 With F at its bound nothing is carried over, and nothing lags.
 
-A patch that another flat tool covers in part has r times its share, too, and meets the plane of the tool's face.
+A patch that another flat tool covers in part has r times its share, too, and meets the plane of the tool's face. One
+under what is round yields more until it is inside by the sag s of tools/kernels/patch.py, whose eq. (1) takes the place
+of -r g in p and of r in what n n^T has in eq. (2).
 
 A point that comes by much in a step, and through a tool of which it faces no side, meets the plane at which it met the
 tool on its way: no tool is too thin for a fast body.
@@ -46,7 +48,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import plane_gap, side_gap, tool_gap
+from softseam_services.tools.kernels import plane_gap, press, side_gap, tool_gap
 
 OPEN, STICK, SLIP = 0, 1, 2
 TO_HOLD, HELD = 3, 4
@@ -59,8 +61,8 @@ SWEPT = -2
 _STUCK = 0.999
 """of the bound: a multiplier below that did not slip"""
 # columns of work.contact
-GAP, PRESSURE, NORMAL, TRACTION, TRIAL, SLIDE, RELAXED = 0, 1, 2, 5, 8, 9, 12
-N_COLUMNS = 13
+GAP, PRESSURE, NORMAL, TRACTION, TRIAL, SLIDE, RELAXED, SLOPE = 0, 1, 2, 5, 8, 9, 12, 13
+N_COLUMNS = 14
 # columns of a contact state (p, t, 9): force on the body [N], slip since contact began [m], anchor [m]
 FORCE, SLIP_SO_FAR, ANCHOR = 0, 3, 6
 N_STATE = 9
@@ -105,11 +107,15 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         f = work.multiplier[c]
         stiffness, carry = work.hold[c, 0], work.hold[c, 1]
         along = f[0] * nx + f[1] * ny + f[2] * nz
-        pressure = carry * max(0.0, along) - stiffness * (gap - work.hold[c, 2])
+        inside, row[SLOPE] = work.hold[c, 2] - gap, stiffness
+        if work.hold[c, 4] > 0.0:
+            inside, slope = press(inside, work.hold[c, 4])
+            row[SLOPE] = slope * stiffness
+        pressure = carry * max(0.0, along) + stiffness * inside
         was = work.state[c]
         row[GAP] = gap
         if pressure <= 0.0:
-            row[PRESSURE:] = 0.0
+            row[PRESSURE:SLOPE] = 0.0
             work.state[c] = OPEN
             turned += was != OPEN
             gone += work.factored_state[point, tool] != OPEN
@@ -215,7 +221,7 @@ def firm_way(count, work):
     for c in range(count):
         if work.state[c] != OPEN:
             pressure += work.contact[c, PRESSURE]
-            stiffness += work.hold[c, 0]
+            stiffness += work.contact[c, SLOPE]
     return pressure / stiffness if stiffness > 0.0 else np.inf
 
 

@@ -15,7 +15,17 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.fem.kernels.anderson import add_scaled
-from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, RELAXED, SLIP, TRACTION, TRIAL, coefficient
+from softseam_services.fem.kernels.contact import (
+    NORMAL,
+    OPEN,
+    PRESSURE,
+    RELAXED,
+    SLIP,
+    SLOPE,
+    TRACTION,
+    TRIAL,
+    coefficient,
+)
 from softseam_services.fem.kernels.dot import dot
 from softseam_services.fem.kernels.fronts import solve
 from softseam_services.fem.kernels.gmres import add_solution, begin_krylov, extend_krylov
@@ -31,7 +41,7 @@ def find_changes(parameters, count, work):
     for c in range(count):
         point, tool, row, change = work.pair[c, 0], work.pair[c, 1], work.contact[c], work.change[c]
         touches, slips = work.state[c] != OPEN, work.state[c] == SLIP
-        stiffness = work.hold[c, 0] if touches else 0.0
+        stiffness, slope = (work.hold[c, 0], row[SLOPE]) if touches else (0.0, 0.0)
         friction = coefficient(parameters, point, tool) if slips else 0.0
         bound = friction * row[PRESSURE]
         tangential = stiffness * bound / row[TRIAL] if slips else stiffness
@@ -39,7 +49,7 @@ def find_changes(parameters, count, work):
         for i in range(3):
             e = row[TRACTION + i] * along
             for j in range(3):
-                pushed = (stiffness - tangential) * row[NORMAL + i] + friction * stiffness * e
+                pushed = (slope - tangential) * row[NORMAL + i] + friction * slope * e
                 change[i, j] = pushed * row[NORMAL + j] - work.factored[point, tool, i, j]
                 if row[RELAXED] > 0.0:
                     change[i, j] -= tangential * e * row[TRACTION + j] * along

@@ -28,6 +28,7 @@ from softseam_services.fem.kernels.contact import (
     OPEN,
     PRESSURE,
     SLIP,
+    SLOPE,
     SWEPT,
     TRIAL,
     coefficient,
@@ -164,7 +165,7 @@ def _bend(c, xp, edge, tools, work, G, H):
 def _differentiate(c, xp, G, H, friction, work, out):
     """Eq. (3) of one touching candidate, in place."""
     row, l = work.contact[c], work.multiplier[c]  # noqa: E741 as in the equation
-    r, carry, gap, pressure = work.hold[c, 0], work.hold[c, 1], row[GAP], row[PRESSURE]
+    r, carry, pressure = work.hold[c, 0], work.hold[c, 1], row[PRESSURE]
     slips = work.state[c] == SLIP
     n, y, q, e = np.empty(3), np.empty(3), np.empty(3), np.zeros(3)
     across = along = ahead = 0.0
@@ -175,6 +176,7 @@ def _differentiate(c, xp, G, H, friction, work, out):
         along += l[i] * n[i]
         across += n[i] * q[i]
         ahead += n[i] * y[i]
+    inside = (pressure - carry * max(0.0, along)) / r
     squeeze = 0.0
     if slips and row[TRIAL] > 0.0:
         squeeze = friction * pressure / row[TRIAL]
@@ -187,7 +189,7 @@ def _differentiate(c, xp, G, H, friction, work, out):
             lH += l[i] * H[i, j]
             qH[j] += q[i] * H[i, j]
             yH[j] += y[i] * H[i, j]
-        dp[j] = (carry * lH if along > 0.0 else 0.0) - r * G[j]
+        dp[j] = (carry * lH if along > 0.0 else 0.0) - row[SLOPE] * G[j]
     place, by_l, by_s, numbers = out.place[c], out.multiplier[c], out.since[c], out.numbers[c]
     for i in range(3):
         for j in range(3):
@@ -213,7 +215,7 @@ def _differentiate(c, xp, G, H, friction, work, out):
                 place[3 + i, j] -= carry * (T - ahead * H[i, j] - n[i] * yH[j])
                 by_s[3 + i, j] = -carry * T
                 numbers[3 + i, BY_CARRY] -= T * y[j]
-        numbers[i, BY_PENALTY] = -gap * normal_part + turned
+        numbers[i, BY_PENALTY] = inside * normal_part + turned
         numbers[i, BY_CARRY] = max(0.0, along) * normal_part
         numbers[i, BY_FRICTION] = pressure * e[i] if slips else 0.0
 
@@ -269,7 +271,7 @@ def _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out):
             for i in range(3):
                 moved = squeeze * (dq[i] - turned * e[i]) if slips else dq[i]
                 normal_part = row[NORMAL + i] + (friction * e[i] if slips else 0.0)
-                out.met[c, which, i, j] = -r * gap * normal_part + row[PRESSURE] * plane[i] + moved
+                out.met[c, which, i, j] = -row[SLOPE] * gap * normal_part + row[PRESSURE] * plane[i] + moved
 
 
 @njit(cache=True, error_model="numpy")

@@ -15,6 +15,7 @@ from softseam_services.fem.kernels.contact import (
     PRESSURE,
     RELAXED,
     SLIP,
+    SLOPE,
     SPREAD,
     STICK,
     TRACTION,
@@ -72,7 +73,7 @@ def add_contact_tangents(model, parameters, tree, count, ahead, work):
 def _resist(c, friction, work, block):
     """block (3, 3) <- eq. (2) of a candidate."""
     row = work.contact[c]
-    stiffness = tangential = work.hold[c, 0]
+    tangential = work.hold[c, 0]
     relaxed = 0.0
     if work.state[c] == SLIP:
         traction = friction * row[PRESSURE]
@@ -80,7 +81,7 @@ def _resist(c, friction, work, block):
         relaxed = tangential * row[RELAXED] / (traction * traction) if traction > 0.0 else 0.0
     for i in range(3):
         for j in range(3):
-            block[i, j] = (stiffness - tangential) * row[NORMAL + i] * row[NORMAL + j]
+            block[i, j] = (row[SLOPE] - tangential) * row[NORMAL + i] * row[NORMAL + j]
             block[i, j] -= relaxed * row[TRACTION + i] * row[TRACTION + j]
         block[i, i] += tangential
 

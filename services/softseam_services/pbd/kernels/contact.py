@@ -29,7 +29,16 @@ import numpy as np
 
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, PLANE
-from softseam_services.tools.kernels import FLAT, SLOW, plane_gap, rotate, rotate_back, side_gap, swept_gap
+from softseam_services.tools.kernels import (
+    FLAT,
+    SLOW,
+    patch_yields,
+    plane_gap,
+    rotate,
+    rotate_back,
+    side_gap,
+    swept_gap,
+)
 
 from .faced import face_sides, faced_gap
 from .lanes import batch_kernel, four, lane_kernel, three
@@ -48,6 +57,7 @@ from .pairs import (
     GIVE,
     HELD,
     HOLD,
+    LAG,
     MEAN,
     MOMENT,
     SIDE,
@@ -226,7 +236,10 @@ def _pressed(row, lane):
 def _solve_softly(row, lane, motion, hh, newer):
     """Eq. (3) for one pair at its GAP; where SOFT is 0, eq. (1)."""
     nx, ny, nz = row[lane + EIGHT * (GAP + 1)], row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
-    soft = row[lane + EIGHT * SOFT]
+    held = row[lane + EIGHT * HELD] * nx + row[lane + EIGHT * (HELD + 1)] * ny + row[lane + EIGHT * (HELD + 2)] * nz
+    soft = patch_yields(row[lane + EIGHT * SOFT], row[lane + EIGHT * LAG], held)
+    give = row[lane + EIGHT * GIVE]
+    row[lane + EIGHT * (GIVE + 1)] = 1.0 / (give + soft) if give > 0.0 else 0.0
     old_x, old_y = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)]
     old_z = row[lane + EIGHT * (FORCE + 2)]
     old_n = _pressed(row, lane)
@@ -313,7 +326,9 @@ def begin_pairs(model, parameters, contacts, xw, h):
                 find_side_gaps(row, rows, group, kind[tool], shape[tool], place, turn, STILL, np.inf)
                 for lane in range(EIGHT):
                     if row[lane + EIGHT * DEPTH] > 0.0:
-                        old = row[lane + EIGHT * GAP] + row[lane + EIGHT * SOFT] * _pressed(row, lane)
+                        old = _pressed(row, lane)
+                        old *= patch_yields(row[lane + EIGHT * SOFT], row[lane + EIGHT * LAG], old)
+                        old += row[lane + EIGHT * GAP]
                         row[lane + EIGHT * ALLOWED] = min(0.0, old) / (1.0 + h / RELEASE)
 
 

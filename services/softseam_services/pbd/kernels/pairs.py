@@ -23,6 +23,7 @@ SOFT        1  compliance of contact where the tool's edge covers a part of what
                points share a block, else 0 [m/N]
 HELD        3  FORCE at the start of the substep, in groups with such points [N]
 STEADY      2  pressure with a memory, by which friction is bounded, and how far friction went beyond the pressure [N]
+LAG         1  how much farther a point that is pressed firmly is inside for the tool's being round [m]
 COVERING    4  normal and distance of the tool's face that covers a part, in the tool's frame, where SIDE is FLAT
 FACED       3  outward normal, in a box's frame, of the side that the point faced when the substep began, 0 where it
                faced none
@@ -36,7 +37,7 @@ start[t] .. start[t + 1] belong to tool t.
 from __future__ import annotations
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import FLAT, plane_gap, side_gap, tool_gap
+from softseam_services.tools.kernels import FLAT, patch_yields, plane_gap, side_gap, tool_gap
 
 from .lanes import LANES, four, three, transpose_four
 
@@ -44,8 +45,8 @@ EIGHT = 2 * LANES
 """lanes of a group: with four the compiler would write the short loops out, number by number"""
 
 X, W, BEFORE, FORCE, ALLOWED, FRICTION, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 13, 15, 18, 21, 24
-WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, COVERING = 27, 28, 29, 33, 36, 37, 38, 41, 43, 46
-N_COLUMNS = 50
+WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, COVERING, LAG = 27, 28, 29, 33, 36, 37, 38, 41, 43, 46, 50
+N_COLUMNS = 51
 WIDTH = N_COLUMNS * EIGHT
 POINT, NODE, DIRECT, DEEP, EDGED, SIDE = 0, 8, 16, 17, 18, 19
 N_ROWS = 27
@@ -98,7 +99,8 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
     Tools are where `inputs` says that they start.
     """
     indptr, node, weight, softness = model.indptr, model.node, parameters.weight, parameters.point_softness
-    point_give, force, slip, steady = parameters.point_give, state.force, state.slip, state.steady
+    point_give, point_lag = parameters.point_give, parameters.point_lag
+    force, slip, steady = state.force, state.slip, state.steady
     factor = parameters.friction_factor
     point_x, newest, side, soft = contacts.point_x, contacts.newest, contacts.shares.side, contacts.shares.give
     start, rows, pairs, plane = contacts.start, contacts.rows, contacts.pairs, contacts.shares.plane
@@ -119,7 +121,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
             square = (x[0] - place[0]) ** 2 + (x[1] - place[1]) ** 2 + (x[2] - place[2]) ** 2
             carried = force[point, tool, 0] != 0.0 or force[point, tool, 1] != 0.0 or force[point, tool, 2] != 0.0
             edge = side[point, tool]
-            yields = point_give[point, tool] if edge == -1 else soft[point, tool]
+            yields, lag = (point_give[point], point_lag[point, tool]) if edge == -1 else (soft[point, tool], 0.0)
             if edge == FIRM:
                 edge = -1
             if square > reach and not carried and edge == -1:
@@ -132,7 +134,8 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
             else:
                 gap, nx, ny, nz = tool_gap(tool_kind, tool_shape, place, turn, x)
             fx, fy, fz = three(force[point], tool)
-            due = yields * max(0.0, fx * nx + fy * ny + fz * nz)
+            due = max(0.0, fx * nx + fy * ny + fz * nz)
+            due *= patch_yields(yields, lag, due)
             if gap >= margin and not carried:
                 steady[point, tool] = 0.0
                 continue
@@ -163,7 +166,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
                 rows[group, EDGED], rows[group, SIDE + lane] = 1, edge
                 for c in range(4):
                     pairs[group, EIGHT * (COVERING + c) + lane] = plane[point, tool, c]
-                pairs[group, EIGHT * SOFT + lane] = yields
+                pairs[group, EIGHT * SOFT + lane], pairs[group, EIGHT * LAG + lane] = yields, lag
                 pairs[group, EIGHT * (GIVE + 1) + lane] = 1.0 / (give + yields) if give > 0.0 else 0.0
             if gap + due < -DEEPEST_ROUNDOFF:
                 pairs[group, EIGHT * DEPTH + lane] = -gap - due

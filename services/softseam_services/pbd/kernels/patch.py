@@ -40,7 +40,7 @@ def find_patch_shares(model, parameters, x, position, orientation, slow, shares)
                 continue
             if not slow[tool]:
                 side[point, tool] = FIRM
-                shares.give[point, tool] = parameters.flat_give[point - first]
+                shares.give[point, tool] = parameters.point_give[point]
                 continue
             if not has_flats(kind[tool]):
                 continue
@@ -59,4 +59,4 @@ def find_patch_shares(model, parameters, x, position, orientation, slow, shares)
             )  # fmt: skip
             if firm > 0.0:
                 side[point, tool] = FLAT
-                shares.give[point, tool] = parameters.flat_give[point - first] / firm
+                shares.give[point, tool] = parameters.point_give[point] / firm

@@ -7,17 +7,21 @@ from softseam_services.tools.kernels.gap import SLOW, all_finite, cell_distances
 from softseam_services.tools.kernels.patch import (
     DENSE,
     FLAT,
+    LIGHT,
     cover_patch,
     has_flats,
+    patch_yields,
     plane_gap,
-    round_by,
-    yields_under_round,
+    press,
+    sag_by,
+    sag_under,
 )
 from softseam_services.tools.kernels.sides import overlap, side_along, side_gap
 
 __all__ = [
     "DENSE",
     "FLAT",
+    "LIGHT",
     "SLOW",
     "all_finite",
     "box_gap",
@@ -26,14 +30,16 @@ __all__ = [
     "has_flats",
     "least_gaps",
     "overlap",
+    "patch_yields",
     "plane_gap",
+    "press",
     "rotate",
     "rotate_back",
-    "round_by",
+    "sag_by",
+    "sag_under",
     "side_along",
     "side_gap",
     "swept_gap",
     "tool_gap",
     "tool_travel",
-    "yields_under_round",
 ]

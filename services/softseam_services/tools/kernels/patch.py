@@ -1,8 +1,11 @@
 """How firmly a tool presses a patch of a block's surface: by how round it is, and how much of the patch a face covers.
 
-A patch yields in place of the waves that a cell's few freedoms lack. These grow with a tool's curvature, so it does by
-  1/r = h/(k E A),  k = DENSE under what is flat,  ROUND (1 + (R/(WIDE h))^3) under what is round,               (1)
-h the spacing of nodes, A the patch, R half the tool's width.
+A patch yields in place of the waves that a cell's few freedoms lack. These grow with a tool's curvature: between places
+h apart, the spacing of nodes, what is R wide on either side of its middle sags by h^2/(8 R). So of a patch A that is
+inside a tool by d the force is
+  F = r/2 (d - s + sqrt((d - s)^2 + 4 q s d)),   r = DENSE E A/h,   q = LIGHT/DENSE,   s = SAG h^2/R               (1)
+that is LIGHT E A d/h at first and r (d - (1 - q) s) deeper, or d = F/r + (1 - q) s F/(F + q r s); s = 0 under what is
+flat. With DENSE alone, what is round is felt up to a third too firmly where few patches touch.
 
 Which part of a patch a flat face covers is known by signed distance alone. A place is covered where there is tool above
 it. Of a window about the patch, twice as long and wide, four places are looked at, halfway from the middle to its
@@ -31,13 +34,14 @@ from softseam_services.shapes.branches import BOX, CAPSULE, PLANE, SPHERE
 from softseam_services.shapes.distance import tool_gap
 from softseam_services.shapes.turns import rotate, rotate_back
 
-DENSE, ROUND = 20.0, 14.0
-"""contact penalties of a patch, E A/h with h the spacing of nodes: under what is flat, and under what is round and
-narrow; see the decision notes"""
+DENSE = 40.0
+"""contact penalty of a patch, E A/h with h the spacing of nodes; see the decision notes"""
+LIGHT = 2.5
+"""the same of a patch that hardly touches what is round"""
+SAG = 0.07
+"""of eq. (1)"""
 EDGE = 2.0
 """the same of what yields about a traction on a part of a face"""
-WIDE = 6.0
-"""half width of a tool, over the spacing of nodes, from which on it meets a surface twice as firm"""
 FLAT = -3
 """in place of a side of a box: the tool presses by the plane of a face that covers the patch in part"""
 _FACING = 0.5
@@ -46,6 +50,8 @@ _STRAIGHT = 0.99
 """cosine of the angle by which a face turns at most in half a patch's width beside its edge"""
 _FLAT = 0.998
 """and away from edges: what turns more is round"""
+_NO_FORCE = 1e-300
+"""times a compliance [m]"""
 _ROUNDOFF = 1e-9
 """of a covered share"""
 
@@ -64,12 +70,26 @@ def plane_gap(plane, position, orientation, point):
     return away - plane[3], nx, ny, nz
 
 
-def round_by(half_width: Any, h: Any) -> Any:
-    """How many times more a patch yields under what is round than under what is flat, eq. (1) [1]."""
-    return DENSE / ROUND / (1.0 + (half_width / (WIDE * h)) ** 3)
+def sag_by(half_width: Any, h: Any) -> Any:
+    """s of eq. (1) [m], of tools of half width R [m] where nodes are h apart [m]."""
+    return SAG * h * h / half_width
 
 
-yields_under_round = njit(cache=True, error_model="numpy")(round_by)
+sag_under = njit(cache=True, error_model="numpy")(sag_by)
+
+
+@njit(cache=True, error_model="numpy")
+def press(inside, sag):
+    """Eq. (1): F/r [m] and its slope [1], of a patch that is inside a tool by d [m] where s > 0 [m]."""
+    ahead = inside - sag
+    root = np.sqrt(max(0.0, ahead * ahead + 4.0 * LIGHT / DENSE * sag * inside))
+    return 0.5 * (ahead + root), 0.5 + 0.5 * (ahead + 2.0 * LIGHT / DENSE * sag) / root
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def patch_yields(give, lag, force):
+    """Eq. (1): d/F of a patch with this force [m/N]; give: 1/r, lag: (1 - q) s [m]."""
+    return give + give * lag / (force * give + LIGHT / (DENSE - LIGHT) * lag + _NO_FORCE)
 
 
 @njit(cache=True, error_model="numpy")
