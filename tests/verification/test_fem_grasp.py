@@ -171,7 +171,7 @@ def test_a_ball_that_presses_is_felt_where_it_is() -> None:
     assert force[2] > 0.1
     assert np.abs(force[:2]).max() < 1e-6 * force[2]
     assert np.abs(torque).max() < 1e-6 * force[2]
-    assert replies[-1].penetration < 1e-4
+    assert replies[-1].penetration < 2e-4
     # forces of the steps' ends do the work, so it exceeds the energy by the order of the step
     assert sum(r.tool_work for r in replies) == pytest.approx(replies[-1].strain, rel=0.1)
 

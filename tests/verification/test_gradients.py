@@ -40,7 +40,7 @@ ALL = "tools.ground.friction,tools.left.friction,tools.right.friction"
 CLAMP = {"fixed": [{"min": [-0.026, -0.03, -0.01], "max": [-0.024, 0.03, 0.06]}]}
 ROUND: dict[str, Any] = {
     "ground": {"kind": "plane", "friction": 0.5},
-    "left": {"kind": "sphere", "radius": 0.012, "position": [0.004, 0.003, 0.0631], "friction": 0.4},
+    "left": {"kind": "sphere", "radius": 0.012, "position": [0.004, 0.003, 0.0628], "friction": 0.4},
     "right": {
         "kind": "capsule",
         "radius": 0.006,
@@ -66,7 +66,7 @@ PRESS: Commands = [{"left": [0.005, 0.0, -0.02], "right": [-0.015, 0.005, 0.0]}]
         ("sliding", squeeze(36, 0.05, 25), YOUNG, 20e3, 1e-6),
         ("uneven", squeeze(36, 0.05, 25), YOUNG, 20e3, 1e-6),
         ("at edges", squeeze(30, 0.03, 22), YOUNG, 20e3, 1e-6),
-        ("round", PRESS, YOUNG, 20e3, 1e-4),
+        ("round", PRESS, YOUNG, 20e3, 1e-5),
         ("flat", PRESS, YOUNG, 20e3, 2e-6),
         ("corotated", squeeze(20), YOUNG, 20e3, 3e-6),
         ("sticking", squeeze(36, 0.03, 25), ALL, 0.8, 1e-3),
@@ -117,13 +117,13 @@ def test_a_gradient_by_the_way_of_a_tool_is_the_central_difference(
     case: str, commands: Commands, tool: str, step: int, axis: int
 ) -> None:
     """The way in one step moves the tool in all later ones; 1e-8 m either way leaves 5e-6 of rounding and Newton, and
-    under what is round, where a step is no linear problem, some 1e-4."""
+    under what is round, where a step is no linear problem, more."""
     with softseam.open(_scene(case)) as sim:
         gradient = sim.gradient(LOSS, [f"way.{tool}"], commands=commands)
         expected = difference_by_way(sim, LOSS, commands, tool, step, axis, 1e-7 if case == "round" else 1e-8)
     found = gradient[f"way.{tool}"]
     assert isinstance(found, np.ndarray) and found.shape == (len(commands), 3)
-    assert found[step, axis] == pytest.approx(expected, rel=1e-4 if case == "round" else 1e-5)
+    assert found[step, axis] == pytest.approx(expected, rel=1e-5)
 
 
 def test_gradients_by_the_start_are_central_differences() -> None:

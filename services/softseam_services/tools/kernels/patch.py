@@ -3,7 +3,8 @@
 A patch yields in place of the waves that a cell's few freedoms lack. These grow with a tool's curvature: between places
 h apart, the spacing of nodes, what is R wide on either side of its middle sags by h^2/(8 R). So of a patch A that is
 inside a tool by d the force is
-  F = r/2 (d - s + sqrt((d - s)^2 + 4 q s d)),   r = DENSE E A/h,   q = LIGHT/DENSE,   s = SAG h^2/R               (1)
+  F = r/2 (d - s + sqrt((d - s)^2 + 4 q s d)),   r = DENSE E A/h,   q = LIGHT/DENSE,                               (1)
+  s = SAG h^2/(R (1 + (R/(WIDE h))^4))
 that is LIGHT E A d/h at first and r (d - (1 - q) s) deeper, or d = F/r + (1 - q) s F/(F + q r s); s = 0 under what is
 flat. With DENSE alone, what is round is felt up to a third too firmly where few patches touch.
 
@@ -34,11 +35,11 @@ from softseam_services.shapes.branches import BOX, CAPSULE, PLANE, SPHERE
 from softseam_services.shapes.distance import tool_gap
 from softseam_services.shapes.turns import rotate, rotate_back
 
-DENSE = 40.0
+DENSE = 60.0
 """contact penalty of a patch, E A/h with h the spacing of nodes; see the decision notes"""
 LIGHT = 2.5
 """the same of a patch that hardly touches what is round"""
-SAG = 0.07
+SAG, WIDE = 0.08, 6.0
 """of eq. (1)"""
 EDGE = 2.0
 """the same of what yields about a traction on a part of a face"""
@@ -72,7 +73,8 @@ def plane_gap(plane, position, orientation, point):
 
 def sag_by(half_width: Any, h: Any) -> Any:
     """s of eq. (1) [m], of tools of half width R [m] where nodes are h apart [m]."""
-    return SAG * h * h / half_width
+    wide = half_width / (WIDE * h)
+    return SAG * h * h / (half_width * (1.0 + wide**4))
 
 
 sag_under = njit(cache=True, error_model="numpy")(sag_by)
