@@ -17,7 +17,8 @@ g_0 = old gap/(1 + h/tau), because all at once would kick it. Where a tool cover
 (`share`), and on an embedded surface (body/contact_points.py), contact has a compliance alpha, and
 p = max(0, p_old - (g - g_0 + alpha p_old)/(c + alpha)),
 t = t_old - (s + alpha (t_old - t_0))/(c + alpha), cut off as in (1), g_0 = (old gap + alpha p_0)/(1 + h/tau),   (3)
-p_0 and t_0 being the force at the start of the substep, so that p = -g/alpha at rest, and t = t_0 - s/alpha however
+p_0 and t_0 being the force at the start of the substep, by which alpha goes under what is round
+(tools/kernels/patch.py), so that p = -g/alpha at rest, and t = t_0 - s/alpha however
 often it is solved. The forces stay in the nodes' accelerations from one substep to the next, so at rest they
 are exact, the gap closes to zero and a sticking point does not creep. On a block every point is one node and (1) is the
 exact local solution.
@@ -237,7 +238,7 @@ def _solve_softly(row, lane, motion, hh, newer):
     """Eq. (3) for one pair at its GAP; where SOFT is 0, eq. (1)."""
     nx, ny, nz = row[lane + EIGHT * (GAP + 1)], row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
     held = row[lane + EIGHT * HELD] * nx + row[lane + EIGHT * (HELD + 1)] * ny + row[lane + EIGHT * (HELD + 2)] * nz
-    soft = patch_yields(row[lane + EIGHT * SOFT], row[lane + EIGHT * LAG], held)
+    soft = patch_yields(row[lane + EIGHT * SOFT], row[lane + EIGHT * LAG], max(0.0, held))
     give = row[lane + EIGHT * GIVE]
     row[lane + EIGHT * (GIVE + 1)] = 1.0 / (give + soft) if give > 0.0 else 0.0
     old_x, old_y = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)]
