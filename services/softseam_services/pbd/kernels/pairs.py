@@ -9,7 +9,8 @@ BEFORE      4  X and W at the start of the substep
 FORCE       3  force of the tool on the point [N], carried from substep to substep
 ALLOWED     1  gap that a point which was handed over inside a tool may keep in this substep, <= 0 [m]
 FRICTION    1  Coulomb coefficient of the tool at the point [1]
-GIVE        2  compliance of the point h^2 sum w_i N_i^2 [m/N], and its inverse; 0 where nothing can move
+GIVE        2  compliance of the point h^2 sum w_i N_i^2 [m/N], and the inverse of it and of contact's; 0 where nothing
+               can move
 SLIPPED     3  slip in this substep [m]
 SLIP_SINCE  3  slip since the point began to touch [m]
 MEAN        3  force [N], mean over the step so far
@@ -167,7 +168,6 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
                 for c in range(4):
                     pairs[group, EIGHT * (COVERING + c) + lane] = plane[point, tool, c]
                 pairs[group, EIGHT * SOFT + lane], pairs[group, EIGHT * LAG + lane] = yields, lag
-                pairs[group, EIGHT * (GIVE + 1) + lane] = 1.0 / (give + yields) if give > 0.0 else 0.0
             if gap + due < -DEEPEST_ROUNDOFF:
                 pairs[group, EIGHT * DEPTH + lane] = -gap - due
                 rows[group, DEEP] = 1
