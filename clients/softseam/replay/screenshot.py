@@ -34,13 +34,14 @@ def _headless(rrd: Path, size: str, timeout: float) -> Iterator[ViewerClient]:
 
 
 def _connect(process: subprocess.Popen[bytes], port: int, timeout: float) -> ViewerClient:
-    """Wait until the viewer answers and has the recording open."""
+    """Wait until the viewer answers, has the recording open and knows its times."""
     deadline = time.monotonic() + timeout
     reason = "it does not answer"
     while time.monotonic() < deadline and process.poll() is None:
         try:
             client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
             if client.get_state().active_recording is not None:
+                client.set_time("sim_time", play_state="paused")  # refused for as long as it has read no times
                 return client
             reason = "it does not load the file"
         except (ConnectionError, RuntimeError, OSError) as error:
