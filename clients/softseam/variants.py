@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import difflib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal, get_args
+
+import numpy as np
 
 from softseam.errors import BadInput, SceneRefused
 from softseam_protocol.scene import marked_yaml
-from softseam_protocol.scene.bodies import BodySpec
+from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.file import SceneError, scene_from_document, scene_json
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
@@ -23,7 +25,8 @@ Model = Literal["fem", "pbd", "hybrid"]
 def with_model(scene: Scene, model: Model) -> Scene:
     """The scene with FEM alone, PBD alone, or cut into both also where one would do.
 
-    Hybrid is refused where the scene has no near region.
+    Hybrid is FEM where the scene's near region says so; of a scene that has none, in cells within half a cell of the
+    tools that move, of all where none does. It is refused where there are no tools, or no cells whose size is known.
     """
     if model not in get_args(Model):
         raise BadInput(f"no model is called {model!r}; there are: {', '.join(get_args(Model))}")
@@ -39,14 +42,35 @@ def with_model(scene: Scene, model: Model) -> Scene:
     if model == "hybrid":
         near = scene.regions.near
         if near is None or near.model == scene.regions.default:
-            raise BadInput(
-                f"the scene {scene.name!r} has no near region with a model of its own: add one to it, "
-                "e.g. regions: {default: pbd, near: {model: fem, within: 0.012}}"
-            )
+            return _cut_near_tools(scene)
         always = near.model_copy(update={"split": "always"})
         return scene.model_copy(update={"regions": scene.regions.model_copy(update={"near": always})})
     symmetry = scene.symmetry if model == "fem" else ()  # only FEM solves for one side
     return scene.model_copy(update={"regions": RegionsSpec(default=model), "symmetry": symmetry})
+
+
+def _cut_near_tools(scene: Scene) -> Scene:
+    """FEM within half a cell of tools, PBD elsewhere."""
+    edge = _longest_edge(scene.body) if isinstance(scene.body, BodySpec) else None
+    if edge is None or not scene.tools:
+        what = "its cells' size, which its file tells, is not known here" if scene.tools else "it has no tools"
+        raise BadInput(
+            f"the scene {scene.name!r} has no near region with a model of its own, and {what}: add one to it, "
+            "e.g. regions: {default: pbd, near: {model: fem, within: 0.012}}"
+        )
+    which = "" if scene.motion else f", tools: [{', '.join(scene.tools)}]"
+    near = f"{{model: fem, within: {0.5 * edge:.6g}, split: always{which}}}"
+    try:
+        return changed(scene, ["regions.default=pbd", f"regions.near={near}"])
+    except SceneError as error:
+        raise BadInput(f"the scene {scene.name!r} cannot be cut into FEM and PBD: {refusal(error)}") from None
+
+
+def _longest_edge(body: BodySpec) -> float | None:
+    """Of its cells [m]; of a block that names none they are a third of its least extent at most."""
+    if body.cell is not None:
+        return float(np.max(body.cell))
+    return min(body.shape.size) / 3.0 if isinstance(body.shape, BlockShape) else None
 
 
 def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
@@ -55,6 +79,16 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
     Keys walk through mappings by name and through lists by index: `motion.1.close=0.01`, `tools.left.friction=0.05`.
     """
     settings = list(settings)
+    try:
+        return changed(scene, settings)
+    except SceneError as error:
+        about = [setting for setting in settings if _touches(setting.partition("=")[0].strip(), error.key)]
+        named = " ".join(f"--set {setting}" for setting in about or settings)
+        raise SceneRefused(f"{named}: {refusal(error)}") from None
+
+
+def changed(scene: Scene, settings: Sequence[str]) -> Scene:
+    """As `with_settings`, which says what to change on the command line. Raises BadInput, and SceneError."""
     if not settings:
         return scene
     document = json.loads(scene_json(scene))
@@ -68,14 +102,14 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
         except marked_yaml.YamlError:
             raise BadInput(f"--set {setting}: the value is not YAML: {text!r}") from None
         _assign(document, keys, value, setting)
-    try:
-        return scene_from_document(document, "--set")
-    except SceneError as error:
-        hint = f"; did you mean {error.nearest!r}?" if error.nearest else ""
-        allowed = f" (allowed: {error.allowed})" if error.allowed else ""
-        about = [setting for setting in settings if _touches(setting.partition("=")[0].strip(), error.key)]
-        changed = " ".join(f"--set {setting}" for setting in about or settings)
-        raise SceneRefused(f"{changed}: {error.key}: {error.problem}{hint}{allowed}") from None
+    return scene_from_document(document, "--set")
+
+
+def refusal(error: SceneError) -> str:
+    """What is wrong with which key of a scene, without the place in a file."""
+    hint = f"; did you mean {error.nearest!r}?" if error.nearest else ""
+    allowed = f" (allowed: {error.allowed})" if error.allowed else ""
+    return f"{error.key}: {error.problem}{hint}{allowed}"
 
 
 def _touches(path: str, key: str) -> bool:

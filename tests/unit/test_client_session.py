@@ -13,6 +13,7 @@ import softseam
 from softseam.embedded import EmbeddedBackend
 from softseam.stress import principal_stress, von_mises
 from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.motion import HoldPhase
 from softseam_protocol.scene.scene import Scene
 
@@ -318,7 +319,7 @@ def test_a_second_thread_is_told_whose_turn_it_is(sim: softseam.Session) -> None
 
 
 def test_models(path: Path) -> None:
-    """A scene is simulated with one model alone, or as it says; a scene without regions cannot be a hybrid."""
+    """A scene is simulated with one model alone, or as it says."""
     scene = softseam.load_scene(path)
     for model in ("fem", "pbd"):
         varied = softseam.with_model(scene, model)
@@ -329,8 +330,37 @@ def test_models(path: Path) -> None:
     assert softseam.with_model(scene, "hybrid") == scene
     spared = softseam.with_settings(scene, ["regions.near.split=when_cheaper"])
     assert softseam.with_model(spared, "hybrid") == scene
-    with pytest.raises(softseam.BadInput, match="near region"):
-        softseam.with_model(softseam.with_model(scene, "pbd"), "hybrid")
+
+
+@pytest.mark.parametrize(("cell", "within"), [("cell=0.01", 0.005), ("cell=[0.01, 0.0125, 0.01]", 0.00625), ("", 0.0)])
+@pytest.mark.parametrize("moves", [True, False])
+def test_a_hybrid_without_regions_is_fem_near_tools(path: Path, cell: str, within: float, moves: bool) -> None:
+    """Within half a cell of those that move, of all where none does; a block's own cells are a third of its extent."""
+    settings = [f"body.{cell}" if cell else "body.cell=null"]
+    settings += ["regions.goal=grip_force"] if moves else ["motion=[]", "duration=0.1"]
+    scene = softseam.with_settings(softseam.with_model(softseam.load_scene(path), "fem"), settings)
+    regions = softseam.with_model(scene, "hybrid").regions
+    assert regions.near is not None and (regions.default, regions.near.model, regions.near.split) == (
+        ("pbd", "fem", "always")
+    )
+    assert isinstance(scene.body, BodySpec) and isinstance(scene.body.shape, BlockShape)
+    assert regions.near.within == pytest.approx(within or min(scene.body.shape.size) / 6.0, rel=1e-5)
+    assert regions.near.tools == (None if moves else tuple(scene.tools))
+    assert regions.goal == ("grip_force" if moves else None)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (["tools={}", "motion=[]", "duration=0.1"], "it has no tools: add one to it, e.g. regions"),
+        (["body.shape={kind: mesh, path: a.stl}", "body.cell=null"], "its cells' size, which its file tells, is not"),
+        (["models.fem.step_error=0.01"], "cannot be cut into FEM and PBD: "),
+    ],
+)
+def test_what_cannot_be_cut_is_refused(path: Path, settings: list[str], words: str) -> None:
+    scene = softseam.with_settings(softseam.with_model(softseam.load_scene(path), "fem"), settings)
+    with pytest.raises(softseam.BadInput, match=words):
+        softseam.with_model(scene, "hybrid")
 
 
 def test_settings(path: Path) -> None:

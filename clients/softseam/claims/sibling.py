@@ -20,11 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.errors import BadInput, SceneRefused
 from softseam.study.configurations import fem_step, xpbd_step
-from softseam.variants import AS_GIVEN, with_settings
+from softseam.variants import AS_GIVEN, changed, refusal
 from softseam_protocol.messages.session import Frame
 from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
+from softseam_protocol.scene.file import SceneError
 from softseam_protocol.scene.implied import implied_model
 from softseam_protocol.scene.kinds import ModelKind
 from softseam_protocol.scene.scene import Scene
@@ -84,9 +84,10 @@ def sibling_of(scene: Scene, frames: Mapping[str, Frame]) -> Sibling:
         wanted = ", ".join(f"{edge:.12g}" for edge in edges[name] * counts[name] / fewer)
         settings += [f"{own}regions={{default: fem}}", f"{cells}.cell=[{wanted}]"]
     try:
-        other = with_settings(scene, (*AS_GIVEN, *settings))
-    except (SceneRefused, BadInput) as error:
-        raise NoSibling(f"the same scene with other cells and steps is refused: {error}") from None
+        other = changed(scene, (*AS_GIVEN, *settings))
+    except SceneError as error:
+        how = "half" if finer else "twice"
+        raise NoSibling(f"with cells and steps {how} as long the scene would be wrong: {refusal(error)}") from None
     return Sibling(other, tuple(settings), finer, after / before / factor)
 
 
