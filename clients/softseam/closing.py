@@ -33,7 +33,7 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
         console.print(Text(f"friction {report['uneven_friction']}", style="dim"))
     claims = report.get("claims")
     _print_trust(console, report["estimated_error"], claims)
-    _print_damping(console, report["energy"])
+    _print_damping(console, report["energy"], report["model"])
     _print_not_done(console, report["not_done"])
     claimed, growing = ({}, {}) if claims is None else (claims["quantities"], claims["growing"])
     console.print(_quantities(report["quantities"], claimed, growing))
@@ -128,15 +128,16 @@ def _print_trust(console: Console, estimate: Mapping[str, Any] | None, claims: M
             console.print(Text(told, style="dim"), soft_wrap=True)
 
 
-def _print_damping(console: Console, energy: Mapping[str, Any]) -> None:
+def _print_damping(console: Console, energy: Mapping[str, Any], model: str) -> None:
     """That the steps took much of the energy of a body that no tool touched, which the estimate does not know of."""
     taken = energy["damped"] - energy["balance_error"]
-    if energy["touched"] or taken <= _DAMPED * energy["largest"]:
+    if energy["touched"] or energy["viscous"] or taken <= _DAMPED * energy["largest"]:
         return
     told = (
-        f"the steps, or its viscosity, took {100.0 * taken / energy['largest']:.0f} % of the body's energy, which no "
+        f"the steps took {100.0 * taken / energy['largest']:.0f} % of the body's energy, which no tool touched, so it "
+        "spins or swings too little: shorten the step"
     )
-    told += "tool touched, so it spins or swings too little: shorten the step, or try models.fem.integrator: midpoint"
+    told += "" if model == "pbd" else ", or try models.fem.integrator: midpoint"
     console.print(Text(told, "bold yellow"), soft_wrap=True)
 
 
@@ -155,7 +156,7 @@ def _indicators(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         yield "exchanges a step", f"{exchanges['mean']:.2f}", f"at most {exchanges['max']:.0f}"
     yield "deepest penetration", _figure(report["penetration"]["worst"], 1e6, "um"), ""
     energy = report["energy"]
-    yield "energy from nowhere", _figure(energy["balance_error"], 1e6, "uJ"), "dissipation below zero, summed"
+    yield "energy balance error", _figure(energy["balance_error"], 1e6, "uJ"), "created by single steps, summed"
     if energy["largest"] > 0.0:
         share = f"{100.0 * energy['damped'] / energy['largest']:.0f} % of the most that moved or was strained"
         yield "damped by the steps", _figure(energy["damped"], 1e6, "uJ"), share
@@ -168,7 +169,7 @@ def _times(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         if wall[name] > 0.0 and total > 0.0:
             yield name, _duration(wall[name]), f"{100.0 * wall[name] / total:.0f} %"
     yield "all steps", _duration(total), "solvers run at the same time"
-    yield "set-up and compiling", _duration(wall["setup"]), "not part of the RTF"
+    yield "set-up and compiling", _duration(wall["setup"]), "not part of the real-time factor"
     if wall["rtf"] is not None:
         yield "real-time factor", f"{wall['rtf']:.1f}", f"{wall['rtf_median_step']:.1f} at the median step"
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,13 +35,17 @@ def shown_unit(name: str) -> tuple[str, float]:
 class Columns:
     """Grows by a row a step; a name that a step does not have is NaN there.
 
+    step     of the scene [s]
+    tools    by name, in the order of reports
+    pressing those whose force is a quantity, quantity.<name>.force [N]
+
     Names: time [s], quantity.*, energy.* [J], seconds.* [s], gap [m], exchanges, multiplier [N], seam_nodes,
     penetration [m], momentum.x .. .z, angular_momentum.x .. .z, tool.<name>.fx .. .z (force [N] and position [m]), and
     for each part <part>.cells, .nodes, .iterations.
     """
 
-    def __init__(self, step: float, tools: tuple[str, ...]) -> None:
-        self._step, self._tools = step, tools
+    def __init__(self, step: float, tools: tuple[str, ...], pressing: Collection[str] = ()) -> None:
+        self._step, self._tools, self._pressing = step, tools, pressing
         self._rows: list[dict[str, float]] = []
         self.models: dict[str, str] = {}
         """model of each part"""
@@ -59,6 +65,9 @@ class Columns:
             "penetration": report.penetration,
         }
         row.update((f"quantity.{name}", value) for name, value in report.quantities.items())
+        for tool, wrench in zip(self._tools, report.wrench, strict=True):
+            if tool in self._pressing:
+                row[f"quantity.{tool}.force"] = float(np.linalg.norm(wrench[:3]))
         row.update((f"energy.{name}", value) for name, value in report.energy.items())
         row.update((f"seconds.{name}", report.seconds.get(name, 0.0)) for name in SPENT)
         for name, part in report.parts.items():

@@ -9,6 +9,7 @@ import numpy as np
 from softseam.columns import Columns
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.session import Event
+from softseam_protocol.scene.kinds import INTEGRATORS
 from softseam_protocol.scene.motion import ClosePhase, GripPhase, MovePhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
 
@@ -21,12 +22,22 @@ def not_done(scene: Scene, columns: Columns, events: Iterable[Event], done: bool
     done  whether the run came to its end: before, tools may still get where they are to
     """
     told = [event.message for event in events if event.kind in _TOLD]
-    return told + (list(_idle(scene, columns)) if done else [])
+    return told + list(_moving(scene, columns)) + (list(_idle(scene, columns)) if done else [])
 
 
 def touched(columns: Columns, tool: str) -> bool:
     """Whether a tool ever pressed on a body."""
     return any(bool(columns[f"tool.{tool}.f{axis}"].any()) for axis in "xyz")
+
+
+def _moving(scene: Scene, columns: Columns) -> Iterator[str]:
+    """Bodies that were to be found at rest, and have parts by XPBD, which knows no rest but what motion ends in."""
+    if INTEGRATORS[scene.models.fem.integrator].moves or "pbd" not in columns.models.values():
+        return
+    yield (
+        f"models.fem.integrator: {scene.models.fem.integrator}: the run is by pbd, which moves the body, so its values "
+        "swing until something damps them: say body.damping, or take fem"
+    )
 
 
 def _idle(scene: Scene, columns: Columns) -> Iterator[str]:

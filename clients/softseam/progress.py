@@ -1,4 +1,4 @@
-"""Shows how a run gets on: simulated time, real-time factor, time left, and the grip.
+"""Shows how a run gets on: simulated time, real-time factor, time left, and the grip where tools move.
 
 On a terminal it is a bar; elsewhere (a log, a pipe) a line every tenth of the run or every few seconds.
 """
@@ -31,6 +31,7 @@ class RunProgress:
         self._console = console
         self._label = label
         self._total = expected_duration(scene)
+        self._moves = bool(scene.motion)
         self._began: float | None = None
         self._first = 0.0
         self._recent: deque[tuple[float, float]] = deque()
@@ -86,8 +87,11 @@ class RunProgress:
     def _state(self, observation: Observation) -> str:
         total = f" of {self._total:.2f}" if self._total else ""
         rtf = f"RTF {self.rtf:.1f}" if self.rtf else "RTF -"
+        state = f"t {observation.time:.2f}{total} s  {rtf}  ETA {self._eta(observation)}"
+        if not self._moves:
+            return state
         grip = max((v for name, v in observation.quantities.items() if name.endswith("grip_force")), default=0.0)
-        return f"t {observation.time:.2f}{total} s  {rtf}  ETA {self._eta(observation)}  grip {grip:.2f} N"
+        return f"{state}  grip {grip:.2f} N"
 
     def _eta(self, observation: Observation) -> str:
         if observation.done:

@@ -31,7 +31,10 @@ from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import scene_hash
+from softseam_protocol.scene.models import DampingSpec
+from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
 
 REPORT_VERSION = 2
@@ -50,7 +53,7 @@ class ReportBuilder:
         self._scene = Scene.model_validate_json(bundle.scene)
         self._facts, self._model = dict(facts or {}), model
         self._rounding = Rounding(self._scene)
-        self.columns = Columns(self._scene.step, tuple(self._scene.tools))
+        self.columns = self._no_columns()
         self._events: list[Event] = []
         self._first: StepReport | None = None
         self._done = False
@@ -66,7 +69,7 @@ class ReportBuilder:
         """Take one message; frames add nothing. A step that restarts the clock begins the report anew."""
         if isinstance(message, StepReport):
             if len(self.columns) and message.header.step <= self.columns.last("step"):
-                self.columns, self._estimate = Columns(self._scene.step, tuple(self._scene.tools)), None
+                self.columns, self._estimate = self._no_columns(), None
             if not len(self.columns):
                 self._first = message
             self.columns.add(message)
@@ -117,6 +120,7 @@ class ReportBuilder:
                 "ledger": {name: _list(c[f"energy.{name}"]) for name in c.names("energy.")},
                 "balance_error": self._energy_from_nowhere(),
                 "damped": self._damped(),
+                "viscous": self._viscous(),
                 "touched": any(touched(c, tool) for tool in self._scene.tools),
                 "largest": _max(c["energy.kinetic"] + c["energy.strain"]),
             },
@@ -131,6 +135,12 @@ class ReportBuilder:
             ],
             "recording": {"path": recording, "lost_messages": lost, "note": note},
         }
+
+    def _no_columns(self) -> Columns:
+        """The force of two tools that close is their grip's."""
+        tools = tuple(self._scene.tools)
+        closing = {tool for phase in self._scene.motion if isinstance(phase, ClosePhase) for tool in phase.tools}
+        return Columns(self._scene.step, tools, [tool for tool in tools if tool not in closing])
 
     def _slips(self) -> list[str]:
         return [name for name in self.columns.names("quantity.") if name.rpartition(".")[2] == "slip"]
@@ -202,6 +212,13 @@ class ReportBuilder:
     def _damped(self) -> float:
         """What the integrators took from the motion, in all [J]: swings die out that much sooner than true ones."""
         return _sum(np.maximum(self.columns["energy.dissipation"], 0.0))
+
+    def _viscous(self) -> bool:
+        """Whether the scene itself asks for drag or viscosity: then what is damped is no error."""
+        bodies = self._scene.bodies.values()
+        own = (body.material.retardation_time > 0.0 for body in bodies if isinstance(body, BodySpec))
+        drag = (body.damping > 0.0 for body in bodies)
+        return any(own) or any(drag) or self._scene.models.pbd.damping != DampingSpec()
 
     def _vectors(self, name: str) -> list[list[float | None]]:
         axes = [_list(self.columns[f"{name}.{axis}"]) for axis in "xyz"]

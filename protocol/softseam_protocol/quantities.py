@@ -116,9 +116,18 @@ PROBED: Table[Quantity] = Table(
 """what is reported at each probe, as PROBE.von_mises"""
 
 
+OF_TOOLS: Table[Quantity] = Table(
+    "quantities of tools",
+    {"force": Quantity("N", "size of the force between the tool and all bodies", at_rest=0.0, group="grip")},
+)
+"""what a report tells of each tool that is not one of two that close, as TOOL.force"""
+
+
 def quantity(name: str) -> Quantity:
-    """The row of a quantity, of one body's (BODY.NAME), or of what is reported at a probe. Raises MissingRow."""
+    """The row of a quantity, of one body's (BODY.NAME), of a probe's, or of a tool's. Raises MissingRow."""
     owner, _, what = name.rpartition(".")
+    if owner and what in OF_TOOLS:
+        return OF_TOOLS[what]
     return PROBED[what] if owner and what not in QUANTITIES else QUANTITIES[what]
 
 

@@ -25,6 +25,7 @@ from softseam.claims.claim import (
     BEYOND_OTHERWISE,
     FINER,
     LEAST,
+    OF_BLOWS,
     OF_MOTION,
     SMALL,
     Scale,
@@ -168,6 +169,16 @@ def test_particles_have_none() -> None:
         sibling("rope")
 
 
+@pytest.mark.parametrize("turn", [0.26, 0.34, 0.49])
+def test_a_tool_may_turn_too_far_in_a_step_twice_as_long(block: str, turn: float) -> None:
+    """Then there is none, and what is told names the key and no setting that nobody made."""
+    document = json.loads(scene_json(bundle_of(block)[0]))
+    tool, step = next(iter(document["tools"])), document["step"]
+    motion = [{"tools": [tool], "turn": [0, 0, 1.0], "speed": turn / step, "about": [0, 0, 0]}]
+    with pytest.raises(NoSibling, match=r"twice as long the scene would be wrong: motion\.0\.speed: .* rad a step"):
+        sibling(Scene.model_validate(document | {"motion": motion}))
+
+
 # ---- what the difference claims
 
 
@@ -206,6 +217,22 @@ def test_what_a_force_times_is_known_to_a_step(off: float) -> None:
     beyond = max(0.0, off - 0.1)
     assert timed.claim(off, 1.0, 0.1) == pytest.approx(0.1 + LEAST + rule(beyond, 0.2))
     assert replace(timed, finer=True).claim(off, 1.0, 0.1) == pytest.approx(0.1 + LEAST + FINER * beyond)
+
+
+@pytest.mark.parametrize("off", [0.01, 0.04, 0.3])
+@pytest.mark.parametrize("held", [False, True])
+def test_forces_of_tools_on_what_nothing_holds_claim_more(block: str, off: float, held: bool) -> None:
+    """Those that stop its fall; a rod that presses on what is fixed, and all else, is claimed as ever."""
+    document = json.loads(scene_json(bundle_of(block)[0]))
+    document["body"]["fixed"] = [{"min": [-1, -1, -1], "max": [1, 1, 0.001]}] if held else []
+    scale = Scale.of(Scene.model_validate(document), report(), finer=False)
+    run, other = (
+        {name: entry([0.1, 0.2, 0.3], 3 * [size]) for name in ("table.force", "sag")} for size in (1.0, 1.0 + off)
+    )
+    found = claims(run, other, scale)
+    shares = [float(found[name]["share"] or 0.0) - LEAST - OF_MOTION * scale.taken * off for name in found]
+    small = min(off, 0.05) + BEYOND * max(0.0, off - 0.05)
+    assert shares == pytest.approx([(SMALL if held else OF_BLOWS) * small, SMALL * small])
 
 
 def rule(off: float, taken: float, beyond: float = BEYOND) -> float:

@@ -117,6 +117,24 @@ def test_what_steps_damp_and_make_of_energy_is_told_apart() -> None:
     assert_allclose([energy["damped"], energy["balance_error"], energy["largest"]], [5e-3, 1e-6, 1.5])
 
 
+@pytest.mark.parametrize("push", [(0.3, 0.0, -0.4), (0.0, 0.0, 2.0), (-1.2, 0.5, 0.0)])
+def test_forces_of_tools_are_quantities_but_of_a_grips(push: tuple[float, float, float]) -> None:
+    """Of each tool that is not one of two that close, its size; the grip's own force tells of those."""
+    builder = ReportBuilder(Squeeze(3).bundle)
+    for message in Squeeze(3).messages():
+        if isinstance(message, StepReport):
+            wrench = message.wrench.copy()
+            wrench[3] = (*push, 7.0, 7.0, 7.0)
+            message = replace(message, wrench=wrench)
+        builder.add(message)
+    found = builder.build()["quantities"]
+    assert {name for name in found if name.endswith(".force")} == {"ground.force", "ball.force"}
+    ball = found["ball.force"]
+    assert_allclose(ball["values"], np.linalg.norm(push))
+    assert (ball["unit"], ball["asked"], ball["measured"]) == ("N", False, 3)
+    assert found["ground.force"]["max"] == 0.0
+
+
 def test_set_up_is_no_part_of_the_real_time_factor() -> None:
     """10 ms of motion in 0.6 ms of wall time."""
     wall = build(Squeeze(10), setup_seconds=1e3)["wall"]

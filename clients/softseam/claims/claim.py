@@ -7,7 +7,8 @@ delta = (1/E) sum_i min(D_i, max(K_i-1, K_i)),   at most 1                      
 
 s    where a force ends a phase or is kept, the next begins at the end of a step, whenever the force was reached: up to
      one step late in the run, up to two of these in the sibling. So much of d says nothing of cells
-a    the sibling errs by more, (1) of sibling.py, but errors grow slowly at edges; and XPBD errs otherwise than FEM
+a    the sibling errs by more, (1) of sibling.py, but errors grow slowly at edges; and XPBD errs otherwise than FEM. The
+     forces of tools on a body that nothing holds are of blows, which err as the root of a step: a = 1/(2^(1/2) - 1)
 b    of large differences most is the sibling's own error, which grew faster than its cells; of a run by XPBD less is,
      for its model may err by as much
 c    where steps take much of the motion, their error no longer grows with their length: what swings or rebounds within
@@ -22,14 +23,14 @@ The numbers are chosen on the scenes of docs/results/claims.md and checked on ot
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam.study.errors import is_nothing, rms
-from softseam_protocol.quantities import quantity
+from softseam_protocol.quantities import OF_TOOLS, quantity
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
 
@@ -37,6 +38,8 @@ Floats = NDArray[np.float64]
 
 SMALL = 1.75
 """a of eq. (3) [1]"""
+OF_BLOWS = 2.4
+"""a of forces between tools and bodies that nothing holds [1]"""
 LARGE = 0.05
 """d0 over |J| [1]"""
 BEYOND = 0.2
@@ -61,24 +64,34 @@ class Scale:
     taken  share of the largest energy of its bodies that the run's steps took of motion, delta of eq. (4) [1]
     timed  whether forces time the motion
     finer  whether the sibling's cells and steps are the shorter ones
+    free   whether nothing holds one of its bodies but tools
+    small  a of eq. (3) [1]
     """
 
     alike: bool
     taken: float
     timed: bool = False
     finer: bool = False
+    free: bool = False
+    small: float = SMALL
 
     @classmethod
     def of(cls, scene: Scene, report: Mapping[str, Any], finer: bool) -> Scale:
         """Of a run of this scene that the report tells of."""
         grips = [phase for phase in scene.motion if isinstance(phase, ClosePhase)]
         timed = any(grip.force is not None or grip.until.force is not None for grip in grips)
-        return cls(report["model"] == "fem", motion_taken(report["energy"]), timed, finer)
+        free = any(not body.fixed for body in scene.bodies.values())
+        return cls(report["model"] == "fem", motion_taken(report["energy"]), timed, finer, free)
+
+    def at(self, name: str) -> Scale:
+        """That of a quantity."""
+        blows = self.free and name.rpartition(".")[2] in OF_TOOLS
+        return replace(self, small=OF_BLOWS) if blows else self
 
     @property
     def factor(self) -> float:
         """Of a small difference [1]."""
-        return FINER if self.finer else SMALL + OF_MOTION * self.taken
+        return FINER if self.finer else self.small + OF_MOTION * self.taken
 
     def claim(self, off: float, size: float, in_a_step: float) -> float:
         """Eq. (3), in the unit of d = off, |J| = size and |J(t + step) - J(t)| = in_a_step."""
@@ -89,7 +102,7 @@ class Scale:
     @property
     def _less(self) -> float:
         """Times what is large of a difference that is not claimed, a (1 - b) [1]."""
-        return 0.0 if self.finer else SMALL * (1.0 - (BEYOND if self.alike else BEYOND_OTHERWISE))
+        return 0.0 if self.finer else self.small * (1.0 - (BEYOND if self.alike else BEYOND_OTHERWISE))
 
 
 def motion_taken(energy: Mapping[str, Any]) -> float:
@@ -118,7 +131,7 @@ def claims(run: Mapping[str, Any], sibling: Mapping[str, Any], scale: Scale) -> 
             continue
         off, size = difference(entry, sibling[name])
         if np.isfinite(off):
-            claim = scale.claim(off, size, in_a_step(entry))
+            claim = scale.at(name).claim(off, size, in_a_step(entry))
             found[name] = {"absolute": claim, "share": None if is_nothing(name, size) else claim / size}
     return found
 
