@@ -25,6 +25,7 @@ from softseam.claims.claim import (
     BEYOND_OTHERWISE,
     FINER,
     LEAST,
+    LEAST_OF_TOOLS,
     OF_BLOWS,
     OF_MOTION,
     SMALL,
@@ -230,9 +231,10 @@ def test_forces_of_tools_on_what_nothing_holds_claim_more(block: str, off: float
         {name: entry([0.1, 0.2, 0.3], 3 * [size]) for name in ("table.force", "sag")} for size in (1.0, 1.0 + off)
     )
     found = claims(run, other, scale)
-    shares = [float(found[name]["share"] or 0.0) - LEAST - OF_MOTION * scale.taken * off for name in found]
+    shares = [float(found[name]["share"] or 0.0) - OF_MOTION * scale.taken * off for name in found]
     small = min(off, 0.05) + BEYOND * max(0.0, off - 0.05)
-    assert shares == pytest.approx([(SMALL if held else OF_BLOWS) * small, SMALL * small])
+    forces = (SMALL if held else OF_BLOWS) * small + LEAST_OF_TOOLS
+    assert shares == pytest.approx([forces, SMALL * small + LEAST])
 
 
 def rule(off: float, taken: float, beyond: float = BEYOND) -> float:

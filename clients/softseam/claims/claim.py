@@ -15,7 +15,8 @@ c    where steps take much of the motion, their error no longer grows with their
      a few steps is lost by the run and by its sibling alike. K is the kinetic energy, D what a step took, and E the
      largest energy. What steps take beyond the motion that there was is of bodies that tools press slowly, whose work
      implicit Euler counts by the force at the end of the step: that changes forces little
-f    two curves that cross, or that an edge within a cell bends alike, differ by less than either errs
+f    two curves that cross, or that an edge within a cell bends alike, differ by less than either errs; forces of tools
+     most often, whose edges lie anywhere within cells of both
 
 The numbers are chosen on the scenes of docs/results/claims.md and checked on others, there, too.
 """
@@ -50,6 +51,8 @@ OF_MOTION = 4.0
 """c [1]"""
 LEAST = 0.002
 """f [1]"""
+LEAST_OF_TOOLS = 0.01
+"""and of forces of tools [1]"""
 FINER = 2.0
 """times d that is claimed where the sibling's cells and steps are half as long, so that d is less than the error [1]"""
 GROWS = 1.1
@@ -66,6 +69,7 @@ class Scale:
     finer  whether the sibling's cells and steps are the shorter ones
     free   whether nothing holds one of its bodies but tools
     small  a of eq. (3) [1]
+    least  f of eq. (3) [1]
     """
 
     alike: bool
@@ -74,6 +78,7 @@ class Scale:
     finer: bool = False
     free: bool = False
     small: float = SMALL
+    least: float = LEAST
 
     @classmethod
     def of(cls, scene: Scene, report: Mapping[str, Any], finer: bool) -> Scale:
@@ -85,8 +90,9 @@ class Scale:
 
     def at(self, name: str) -> Scale:
         """That of a quantity."""
-        blows = self.free and name.rpartition(".")[2] in OF_TOOLS
-        return replace(self, small=OF_BLOWS) if blows else self
+        if name.rpartition(".")[2] not in OF_TOOLS:
+            return self
+        return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OF_TOOLS)
 
     @property
     def factor(self) -> float:
@@ -97,7 +103,7 @@ class Scale:
         """Eq. (3), in the unit of d = off, |J| = size and |J(t + step) - J(t)| = in_a_step."""
         late = in_a_step if self.timed else 0.0
         beyond = max(0.0, off - late)
-        return self.factor * beyond - self._less * max(0.0, beyond - LARGE * size) + late + LEAST * size
+        return self.factor * beyond - self._less * max(0.0, beyond - LARGE * size) + late + self.least * size
 
     @property
     def _less(self) -> float:

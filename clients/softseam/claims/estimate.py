@@ -128,8 +128,8 @@ def compared(report: Mapping[str, Any], other: Mapping[str, Any], sibling: Sibli
     both = report["quantities"], other["quantities"]
     claimed, grow = (claims(*both, scale), growing(*both, sibling.finer)) if settled else ({}, {})
     if settled:
-        blows = [scale.at(name).factor for name in claimed if scale.at(name) != scale]
-        also = f" (of tools' forces {blows[0]:.2g})" if blows and not scale.finer else ""
+        blows = {scale.at(name).factor for name in claimed} - {scale.factor}
+        also = f" (of tools' forces {max(blows):.2g})" if blows else ""
         text = (
             f"± is {scale.factor:.2g} times the difference{also}, less of a large one, to a run by FEM with cells and "
             f"steps {longer}{cost}{_TIMED if scale.timed else ''}"
