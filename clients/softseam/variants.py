@@ -58,7 +58,7 @@ def _cut_near_tools(scene: Scene) -> Scene:
             f"the scene {scene.name!r} has no near region with a model of its own, and {what}: add one to it, "
             "e.g. regions: {default: pbd, near: {model: fem, within: 0.012}}"
         )
-    which = "" if scene.motion else f", tools: [{', '.join(scene.tools)}]"
+    which = "" if scene.motion else f", tools: {json.dumps(list(scene.tools))}"
     near = f"{{model: fem, within: {0.5 * edge:.6g}, split: always{which}}}"
     try:
         return changed(scene, ["regions.default=pbd", f"regions.near={near}"])

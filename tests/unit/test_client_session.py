@@ -15,6 +15,7 @@ from softseam.stress import principal_stress, von_mises
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.motion import HoldPhase
+from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
 
 SCENE = """\
@@ -347,6 +348,14 @@ def test_a_hybrid_without_regions_is_fem_near_tools(path: Path, cell: str, withi
     assert regions.near.within == pytest.approx(within or min(scene.body.shape.size) / 6.0, rel=1e-5)
     assert regions.near.tools == (None if moves else tuple(scene.tools))
     assert regions.goal == ("grip_force" if moves else None)
+
+
+@pytest.mark.parametrize("name", ["null", "true", "no"])
+def test_a_tool_may_be_called_what_means_something_in_a_file(path: Path, name: str) -> None:
+    scene = softseam.load_scene(path)
+    still = scene.model_copy(update={"tools": {name: scene.tools["ground"]}, "motion": (), "duration": 0.1})
+    near = softseam.with_model(still.model_copy(update={"regions": RegionsSpec()}), "hybrid").regions.near
+    assert near is not None and near.tools == (name,)
 
 
 @pytest.mark.parametrize(
