@@ -70,7 +70,7 @@ BAD_CALLS = {
     "set without value": (["run", "tofu_grasp", "--set", "step"], ["key=value"]),
     "set unknown tool": (["run", "tofu_grasp", "--set", "tools.lefft.friction=1"], ["lefft", "left"]),
     "set bad value": (["run", "tofu_grasp", "--set", "step=-1"], ["step", "-1"]),
-    "hybrid without regions": (["run", "GOOD", "--model", "hybrid"], ["near"]),
+    "hybrid without tools": (["run", "GOOD", "--model", "hybrid", "--set", "tools={}"], ["no tools", "near"]),
     "recording's name": (["run", "tofu_grasp", "--record", "run.txt"], [".mcap"]),
     "report is a folder": (["run", "tofu_grasp", "--report", "."], ["--report .", ".json"]),
     "report over its scene": (

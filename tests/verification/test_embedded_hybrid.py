@@ -130,7 +130,8 @@ def test_hybrid_holds_and_lifts_as_fem_does(name: str) -> None:
     hybrid, fem = (run(bundle_scene(with_model(scene, model), bundle.files), closed) for model in MODELS)
     assert len(np.unique(hybrid.exchanges)) > 1  # there was a seam
     assert hybrid.gap[~hybrid.told].max() < GAP
-    assert hybrid.told.sum() <= 2 and hybrid.gap.max() < 10.0 * GAP
+    # some steps go into parts as the loaf leaves the ground, two or three by rounding; at most two stay open
+    assert hybrid.told.sum() <= 4 and (hybrid.gap >= GAP).sum() <= 2 and hybrid.gap.max() < 10.0 * GAP
     assert hybrid.exchanges.mean() < 4.0
     for one in (hybrid, fem):
         assert one.end["lift_height"] > 0.045
