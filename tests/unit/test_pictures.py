@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,9 @@ from softseam.replay.show import save_rrd
 from softseam.replay.world import find_scales
 from softseam.report import ReportBuilder
 from softseam.view import colors
+from softseam.view.charts import drawn_quantities
 from softseam.view.surface import DisplaySurface
+from softseam_protocol.messages.session import StepReport
 from softseam_services.recorder.recorder import McapRecorder
 
 
@@ -73,6 +76,20 @@ def test_three_pictures_that_show_something(recording: Path, drawn: subprocess.C
         assert picture.shape[0] > 400 and picture.shape[1] > 1000
         assert picture[..., :3].std() > 0.02, f"{path.name} is blank"
     assert set(written[0].parent.iterdir()) == set(written)
+
+
+def test_curves_are_of_what_is_asked_for_or_else_of_what_is_not_nothing() -> None:
+    """A grip that was asked for and never closed is drawn; nobody asks for the grip of a rod that presses."""
+    run = Squeeze(3)
+    builder = ReportBuilder(run.bundle)
+    for message in run.messages():
+        if isinstance(message, StepReport):
+            wrench = message.wrench.copy()
+            wrench[3, 2] = -0.4
+            quantities = {"grip_force": 0.0, "sag": 1e-3, "slip": float("nan"), "compression": 0.0}
+            builder.add(replace(message, wrench=wrench, quantities=quantities))
+    assert drawn_quantities(("grip_force", "slip"), builder.columns) == ["grip_force"]
+    assert drawn_quantities((), builder.columns) == ["sag", "ball.force"]
 
 
 def test_fem_alone_is_painted_as_fem(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +28,7 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     """The quantities, then the seam's and the ledger's account of how far to trust them."""
     columns = builder.columns
     time = columns["time"]
-    wanted = recording.scene.asked or tuple(columns.names("quantity."))
-    quantities = [name for name in wanted if np.isfinite(columns[f"quantity.{name}"]).any()]
+    quantities = drawn_quantities(recording.scene.asked, columns)
     coupled = bool(np.nanmax(columns["seam_nodes"], initial=0.0) > 0.0)
     n_plots = len(quantities) + (2 if coupled else 0) + 1
     rows = -(-n_plots // 3)
@@ -59,6 +59,12 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     for axes in every[max(0, n_plots - 3) : n_plots]:
         axes.set_xlabel(_TIME, fontsize=9.5, color=SOFT)
     return write(figure, path)
+
+
+def drawn_quantities(asked: Sequence[str], columns: Columns) -> list[str]:
+    """What was measured of what the scene asks for; where it asks for nothing, all that was not 0 throughout."""
+    found = {name: columns[f"quantity.{name}"] for name in asked or columns.names("quantity.")}
+    return [name for name, values in found.items() if (np.isfinite(values) if asked else np.nan_to_num(values)).any()]
 
 
 def draw_time(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
