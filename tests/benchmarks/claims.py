@@ -29,9 +29,9 @@ from softseam.embedded import EmbeddedBackend, solver_digest
 from softseam.session import Session
 from softseam.variants import with_settings
 from softseam_protocol.facts import machine
+from softseam_protocol.quantities import OF_TOOLS
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import bundle_scene, scene_hash
-from softseam_protocol.scene.motion import ClosePhase
 
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = ROOT / "out" / "claims"
@@ -89,22 +89,17 @@ def measured(case: Case) -> dict[str, Any]:
 
 
 def compact(case: Case, found: dict[str, Any]) -> dict[str, Any]:
-    """What is compared of a run."""
-    return found | {"quantities": {name: found["quantities"][name] for name in compared(case)}}
-
-
-def compared(case: Case) -> list[str]:
-    """Forces and displacements; stress at a probe beside an edge may have no limit."""
-    closing = {tool for phase in case.scene.motion if isinstance(phase, ClosePhase) for tool in phase.tools}
-    forces = [f"{tool}.force" for tool in case.scene.tools if tool not in closing]
-    return [name for name in case.scene.asked if not name.endswith("von_mises")] + forces
+    """What is compared of a run: forces and displacements; stress at a probe beside an edge may have no limit."""
+    names = [name for name in case.scene.asked if not name.endswith("von_mises")]
+    names += [name for name in found["quantities"] if name.rpartition(".")[2] in OF_TOOLS]
+    return found | {"quantities": {name: found["quantities"][name] for name in names}}
 
 
 def rows_of(case: Case, among: str, seed: int, found: dict[str, Any]) -> list[Row]:
     """One for each quantity of a scene."""
     run, sibling, truth = (found[name] for name in ("run", "sibling", "truth"))
     rows, scale = [], Scale(**found["scale"])
-    for name in compared(case):
+    for name in run["quantities"]:
         mine = run["quantities"][name]
         error, _ = difference(truth["quantities"][name], mine)
         off, size = difference(mine, sibling["quantities"][name])

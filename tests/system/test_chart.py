@@ -31,7 +31,7 @@ quantities: [sag]
 def command(folder: Path, *more: str) -> list[str]:
     scene = folder / "jelly.yaml"
     scene.write_text(SCENE)
-    arguments = ["chart", str(scene), "--out", str(folder / "out"), "--minutes", "0.1", *more]
+    arguments = ["chart", str(scene), "--out", str(folder / "out"), "--minutes", "0.25", *more]
     return [sys.executable, "-m", "softseam.cli", *arguments]
 
 

@@ -1,25 +1,16 @@
-"""Claims: which sibling a scene has, what the difference of two runs claims, and what `softseam run` says of it."""
+"""What the difference of two runs claims."""
 
 from __future__ import annotations
 
 import json
-import os
-import select
-import signal
-import subprocess
-import sys
-from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import replace
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
+from claimed_block import sibling, write_block
 
-from softseam.claims.beside import Beside, Lost
 from softseam.claims.claim import (
     BEYOND,
     BEYOND_OTHERWISE,
@@ -35,152 +26,21 @@ from softseam.claims.claim import (
     motion_taken,
 )
 from softseam.claims.estimate import compared
-from softseam.claims.sibling import NoSibling, Sibling, sibling_of
-from softseam.running import Wishes, run
+from softseam.claims.sibling import Sibling
 from softseam.scenes import bundle_of
-from softseam.session import open_as_given
-from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import scene_json
 from softseam_protocol.scene.scene import Scene
-
-BLOCK = """\
-softseam: 1
-name: cube
-gravity: [0, 0, 0]
-step: 0.01
-body:
-  shape: {kind: block, size: [0.04, 0.04, 0.02]}
-  cell: 0.01
-  material: {kind: neo_hookean, young: 2.0e4, poisson: 0.45, density: 1000}
-tools:
-  left: {kind: box, size: [0.01, 0.05, 0.03], position: [-0.0252, 0, 0.01], friction: 0.6}
-  right: {kind: box, size: [0.01, 0.05, 0.03], position: [0.0252, 0, 0.01], friction: 0.6}
-motion:
-  - {tools: [left, right], close: 0.02, until: {compression: 0.06}}
-regions: {default: fem}
-quantities: [grip_force, compression]
-"""
-BEAM = """\
-softseam: 1
-name: beam
-gravity: [0, 0, -9.81]
-step: 0.01
-duration: 0.2
-body:
-  shape: {kind: block, size: [0.12, 0.04, 0.04]}
-  cell: [0.02, 0.02, 0.02]
-  material: {kind: neo_hookean, young: 5.0e4, poisson: 0.4, density: 1000}
-  fixed:
-    - {min: [-1, -1, -1], max: [-0.06, 1, 1]}
-regions: {default: fem}
-quantities: [tip_deflection]
-"""
 
 
 @pytest.fixture
 def block(tmp_path: Path) -> str:
-    path = tmp_path / "cube.yaml"
-    path.write_text(BLOCK)
-    return str(path)
-
-
-def sibling(scene: str | Path | Scene, *settings: str) -> Sibling:
-    with open_as_given(scene, settings=settings) as session:
-        session.reset()
-        return sibling_of(session.scene, session.last.frames)
-
-
-def ran(scene: str, *settings: str, **wishes: Any) -> tuple[dict[str, Any], str]:
-    """The report of `softseam run`, and what it printed."""
-    said = StringIO()
-    report = run(Wishes(scene, settings=settings, **wishes), Console(file=said, width=400))
-    return report, said.getvalue()
+    return write_block(tmp_path)
 
 
 def entry(time: Any, values: Any) -> dict[str, list[float | None]]:
     """As a report has it of a quantity."""
     plain = [float(value) if np.isfinite(value) else None for value in values]
     return {"time": np.asarray(time).tolist(), "values": plain}
-
-
-# ---- the sibling
-
-
-def test_cells_and_steps_are_twice_as_long(block: str) -> None:
-    """And nothing else differs; its settings make it of the scene at the command line."""
-    found = sibling(block)
-    assert not found.finer and found.scene.step == 0.02
-    assert found.settings == ("step=0.02", "regions={default: fem}", "body.cell=[0.02, 0.02, 0.02]")
-    assert found.scene.tools == bundle_of(block)[0].tools and found.scene.motion == bundle_of(block)[0].motion
-    assert found.share < 0.2
-
-
-def test_a_run_of_another_model_has_a_sibling_of_fem(block: str) -> None:
-    """So that what the model errs by is in the difference."""
-    assert sibling(block, "regions={default: pbd}").scene.regions.default == "fem"
-    assert sibling("tofu_pads").scene.regions.near is None
-
-
-def test_a_scene_that_names_no_model_is_foreseen_as_what_it_gets(block: str) -> None:
-    """Small bodies get FEM; who sets what is XPBD's alone gets that, of which a sibling of FEM is a larger share."""
-    open_ = Path(block).read_text().replace("regions: {default: fem}\n", "")
-    Path(block).write_text(open_)
-    assert sibling(block).share == sibling(block, "regions={default: fem}").share
-    of_pbd = sibling(block, "models.pbd.sweeps=2").share
-    assert of_pbd == sibling(block, "regions={default: pbd}").share != sibling(block).share
-
-
-def test_a_body_of_one_cell_has_a_finer_sibling(block: str) -> None:
-    """Which takes longer than the run, and is told to."""
-    found = sibling(block, "body.cell=0.04")
-    assert found.finer and found.settings[0] == "step=0.005" and found.settings[-1] == "body.cell=[0.02, 0.02, 0.01]"
-    assert found.share > 1.0
-
-
-def test_cells_of_a_mesh_are_told_by_its_nodes() -> None:
-    """The default edge, which no scene file says."""
-    with open_as_given("sausage", settings=("body.cell=null",)) as session:
-        nodes = session.reset().frames["body"].x
-        found = sibling_of(session.scene, session.last.frames)
-    with open_as_given("sausage", settings=found.settings) as session:
-        other = session.reset().frames["body"].x
-    assert len(other) < 0.4 * len(nodes)
-    np.testing.assert_allclose(np.ptp(other, axis=0), np.ptp(nodes, axis=0), rtol=1e-9)
-
-
-def test_planes_of_symmetry_are_left_out() -> None:
-    """For longer cells may lie across one; all of several bodies have longer cells, and FEM."""
-    found = sibling("tofu_grasp", "symmetry=[y]", "regions={default: fem}")
-    assert "symmetry=[]" in found.settings and found.scene.symmetry == ()
-
-
-def test_every_body_has_longer_cells(block: str) -> None:
-    document = json.loads(scene_json(bundle_of(block)[0]))
-    body = document.pop("body") | {"regions": {"default": "pbd"}}
-    document |= {"bodies": {"one": body, "two": body | {"cell": 0.02, "position": [0, 0.2, 0]}}}
-    document |= {"motion": [], "duration": 0.02}
-    found = sibling(Scene.model_validate(document))
-    cells = {name: getattr(each, "cell", None) for name, each in found.scene.bodies.items()}
-    assert cells == {"one": pytest.approx((0.02, 0.02, 0.02)), "two": pytest.approx((0.04, 0.04, 0.02))}
-    assert all(found.scene.of(name).regions.default == "fem" for name in cells)
-
-
-def test_particles_have_none() -> None:
-    with pytest.raises(NoSibling, match="particles"):
-        sibling("rope")
-
-
-@pytest.mark.parametrize("turn", [0.26, 0.34, 0.49])
-def test_a_tool_may_turn_too_far_in_a_step_twice_as_long(block: str, turn: float) -> None:
-    """Then there is none, and what is told names the key and no setting that nobody made."""
-    document = json.loads(scene_json(bundle_of(block)[0]))
-    tool, step = next(iter(document["tools"])), document["step"]
-    motion = [{"tools": [tool], "turn": [0, 0, 1.0], "speed": turn / step, "about": [0, 0, 0]}]
-    with pytest.raises(NoSibling, match=r"twice as long the scene would be wrong: motion\.0\.speed: .* rad a step"):
-        sibling(Scene.model_validate(document | {"motion": motion}))
-
-
-# ---- what the difference claims
 
 
 def test_a_claim_is_the_norm_of_the_difference_over_time() -> None:
@@ -329,122 +189,3 @@ def test_a_peak_that_grows_as_cells_shrink_is_claimed_nothing_of(block: str) -> 
     assert set(claimed["quantities"]) == {"grip_force", "jelly.peak_von_mises"}
     turned = compared(mine | other, mine | {"outcome": "lifted", "seconds": 0.25}, replace(found, finer=True))
     assert turned["growing"] == {"peak_von_mises": pytest.approx(1.3)}
-
-
-# ---- `softseam run`
-
-
-def value(of: Mapping[str, Any], name: str = "grip_force") -> Any:
-    return of["claims"]["quantities"][name]
-
-
-@pytest.mark.slow
-def test_a_run_claims(block: str) -> None:
-    """By a process beside it: what two runs one after the other claim, bit for bit."""
-    first, said = ran(block)
-    claimed = first["claims"]
-    scale = Scale.of(bundle_of(block)[0], first, finer=False)
-    assert claimed["settled"] and claimed["factor"] == scale.factor > SMALL
-    longer, _ = ran(block, *claimed["sibling"]["settings"], estimate=False)
-    assert claimed["quantities"] == claims(first["quantities"], longer["quantities"], scale)
-    force = value(first)["absolute"]
-    assert force > 0.0 and f"± {force:.2g} N" in said and claimed["text"] in said
-    assert value(first, "compression")["share"] < 1.5 * LEAST  # which is what was asked for
-
-
-def off(run: Mapping[str, Any], other: Mapping[str, Any], name: str = "grip_force") -> float:
-    """The difference of two reports."""
-    return difference(run["quantities"][name], other["quantities"][name])[0]
-
-
-@pytest.mark.slow
-def test_the_claim_holds_for_a_known_error(tmp_path: Path) -> None:
-    """A beam that swings down: at least what shorter cells and steps change, and at most five times that."""
-    path = tmp_path / "beam.yaml"
-    path.write_text(BEAM)
-    claimed, said = ran(str(path))
-    fine, _ = ran(str(path), "step=0.0025", "body.cell=[0.01, 0.02, 0.02]", estimate=False)
-    error = off(fine, claimed, "tip_deflection")
-    assert error < value(claimed, "tip_deflection")["absolute"] < 5.0 * error
-    assert claimed["claims"]["growing"]["peak_von_mises"] > 1.3  # at the clamp
-    assert " grows " in said and "peak von Mises grew 1." in said
-
-
-@pytest.mark.slow
-def test_the_claim_of_xpbd_sees_the_model(block: str) -> None:
-    """At nu 0.495 XPBD locks: its claim covers what FEM on the same cells differs by."""
-    poisson = "body.material.poisson=0.495"
-    claimed, _ = ran(block, poisson, "regions={default: pbd}")
-    fem, _ = ran(block, poisson, estimate=False)
-    assert off(claimed, fem) > 0.03 * value(claimed)["absolute"] / value(claimed)["share"]
-    assert value(claimed)["absolute"] > off(claimed, fem)
-
-
-def test_a_goal_is_told_beside_the_claims(block: str) -> None:
-    report, told = ran(block, "regions={default: fem, goal: grip_force}", estimate=False)
-    assert report["estimated_error"]["goal"] == "grip_force"
-    assert "grip_force: some" in " ".join(told.split())
-    assert "estimated error" not in ran(block, estimate=False)[1]
-
-
-def test_no_estimate(block: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Says what is lost, and starts nothing."""
-    monkeypatch.setattr(Beside, "__enter__", lambda self: pytest.fail("a process was started"))
-    found, said = ran(block, estimate=False)
-    assert found["claims"]["settled"] is None and "not known" in said and "±" not in said
-
-
-@pytest.mark.slow
-def test_a_sibling_that_costs_much_is_run_where_it_is_asked_for(block: str) -> None:
-    found, said = ran(block, "body.cell=0.04")
-    assert found["claims"]["sibling"] is None and "--estimate" in said
-    asked, _ = ran(block, "body.cell=0.04", estimate=True)
-    assert asked["claims"]["factor"] == FINER and value(asked)["absolute"] > 0.0
-
-
-def test_a_sibling_that_dies_harms_nothing(block: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is told in a line."""
-    begin = Beside.begin
-
-    def killed(self: Beside, bundle: Any) -> None:
-        begin(self, bundle)
-        os.kill(self.process.pid, signal.SIGKILL)
-
-    monkeypatch.setattr(Beside, "begin", killed)
-    found, said = ran(block)
-    assert found["verdict"]["outcome"] == "finished" and found["claims"]["quantities"] == {}
-    assert "no claims: the run to compare with failed: its process was ended by SIGKILL" in said
-    json.dumps(found)
-
-
-@pytest.mark.slow
-def test_a_process_that_is_given_no_scene_is_lost() -> None:
-    with Beside() as beside:
-        beside.begin(Bundle(scene="{}", files={}))
-        assert beside.ended(120.0)
-        with pytest.raises(Lost, match="softseam"):
-            beside.result()
-
-
-@pytest.mark.slow
-def test_a_sibling_ends_with_the_run_that_is_killed(block: str) -> None:
-    """Its input ends: nothing is left, in the middle of a run of hours."""
-    code = (
-        "import os, signal, sys; from softseam.claims.beside import Beside; from softseam.scenes import bundle_of; "
-        "beside = Beside().__enter__(); beside.begin(bundle_of(sys.argv[1])[1]); assert beside.begun(300.0); "
-        "print(beside.process.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
-    )
-    Path(block).write_text(BLOCK.replace("motion:", "duration: 10000.0\nmotion:"))
-    command = [sys.executable, "-c", code, block]
-    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=400, check=False)
-    assert done.returncode == -signal.SIGKILL
-    try:
-        left = os.pidfd_open(int(done.stdout))
-    except ProcessLookupError:
-        return
-    try:
-        assert select.select([left], [], [], 60.0)[0], "it still runs"
-    finally:
-        with suppress(ProcessLookupError):
-            signal.pidfd_send_signal(left, signal.SIGKILL)
-        os.close(left)

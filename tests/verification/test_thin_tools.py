@@ -42,25 +42,16 @@ BOTH = {"default": "pbd", "near": {"model": "fem", "boxes": [{"min": [-1, -1, -1
 both = pytest.mark.parametrize("model", ["fem", "pbd"])
 
 
-def pressed(
-    tool: dict[str, Any],
-    depth: float,
-    block: tuple[float, float, float],
-    cell: float | None,
-    young: float,
-    poisson: float,
-    files: dict[str, bytes] | None = None,
-    model: str = "fem",
-) -> float:
-    """Force on a tool [N] that begins half a millimetre above a block bonded to the ground and ends so deep [m]."""
-    scene = scene_of(tool, depth, block, cell, young, poisson, model)
+def pressed(scene: Scene, files: dict[str, bytes] | None = None) -> float:
+    """Force on the tool of `scene_of` at its end [N]."""
     simulation = Simulation(Bundle(scene.model_dump_json(), files or {}), EmbeddedTransport())
     report = simulation.step()
     while not report.done:
         report = simulation.step()
     simulation.close()
-    assert tool["kind"] == "box" or report.penetration > 0.0
-    assert report.penetration < (1.5e-3 if tool["kind"] == "box" else 9e-4)
+    is_box = scene.tools["tool"].kind == "box"
+    assert is_box or report.penetration > 0.0
+    assert report.penetration < (1.5e-3 if is_box else 9e-4)
     return float(np.linalg.norm(report.wrench[0, :3]))
 
 
@@ -71,8 +62,9 @@ def scene_of(
     cell: float | None,
     young: float,
     poisson: float,
-    model: str,
+    model: str = "fem",
 ) -> Scene:
+    """A tool that begins half a millimetre above a block bonded to the ground and ends so deep [m]."""
     return Scene.model_validate(
         {
             "softseam": 1,
@@ -103,7 +95,7 @@ def rod(
     files = {"ball.obj": solids.obj(*solids.sphere(5e-3, 5))}
     if kind == "mesh":
         tool = {"kind": "mesh", "path": "ball.obj", "position": [*place, 0.0355]}
-    return pressed(tool, depth, (0.06, 0.06, 0.03), cell, 20e3, 0.4, files, model)
+    return pressed(scene_of(tool, depth, (0.06, 0.06, 0.03), cell, 20e3, 0.4, model), files)
 
 
 @both
@@ -195,8 +187,10 @@ def test_a_cube_as_a_mesh_presses_as_a_box(cell: float, model: str) -> None:
     files = {"cube.obj": solids.obj(*solids.box((0.03, 0.03, 0.03)))}
     at = [0, 0, 0.0555]
     size = (0.08, 0.08, 0.04)
-    mesh = pressed({"kind": "mesh", "path": "cube.obj", "position": at}, 2e-3, size, cell, 50e3, 0.3, files, model)
-    box = pressed({"kind": "box", "size": [0.03, 0.03, 0.03], "position": at}, 2e-3, size, cell, 50e3, 0.3, model=model)
+    punch = {"kind": "mesh", "path": "cube.obj", "position": at}
+    mesh = pressed(scene_of(punch, 2e-3, size, cell, 50e3, 0.3, model), files)
+    punch = {"kind": "box", "size": [0.03, 0.03, 0.03], "position": at}
+    box = pressed(scene_of(punch, 2e-3, size, cell, 50e3, 0.3, model))
     assert mesh == pytest.approx(PUNCH, rel=0.06)  # as a box 6.10 by XPBD on cells of 20 mm
     assert mesh == pytest.approx(box, rel=0.08)
 
@@ -204,7 +198,7 @@ def test_a_cube_as_a_mesh_presses_as_a_box(cell: float, model: str) -> None:
 @pytest.mark.parametrize(("cell", "model"), [(0.02, "fem"), (0.12 / 9, "fem"), (0.12 / 9, "pbd")])
 def test_the_flat_end_of_a_cylinder(cell: float, model: str) -> None:
     tool = {"kind": "cylinder", "radius": 0.015, "length": 0.02, "position": [0, 0, 0.0905]}
-    force = pressed(tool, 0.8e-3, (0.12, 0.12, 0.08), cell, 50e3, 0.3, model=model)
+    force = pressed(scene_of(tool, 0.8e-3, (0.12, 0.12, 0.08), cell, 50e3, 0.3, model))
     assert force == pytest.approx(ROUND, rel=0.05)
 
 
@@ -215,7 +209,7 @@ def test_a_flat_face_presses_by_what_it_covers(x: float, turn: float, model: str
     too little."""
     files = {"punch.obj": solids.obj(*solids.box((0.03, 0.03, 0.03)))}
     tool = {"kind": "mesh", "path": "punch.obj", "position": [x, x, 2 * THIRD + 0.0155], "rotation": [0, 0, turn]}
-    force = pressed(tool, 1.5e-3, (4 * THIRD, 4 * THIRD, 2 * THIRD), THIRD, 50e3, 0.3, files, model)
+    force = pressed(scene_of(tool, 1.5e-3, (4 * THIRD, 4 * THIRD, 2 * THIRD), THIRD, 50e3, 0.3, model), files)
     assert force == pytest.approx(SQUARE_END, rel=0.05)
 
 
@@ -224,7 +218,7 @@ def test_a_flat_face_presses_by_what_it_covers(x: float, turn: float, model: str
 def test_an_end_of_half_a_cell(x: float, model: str) -> None:
     """A cylinder of 6 mm: by whole patches 28, 42 and 12 % too much, and on cells of 20 mm it was not felt at all."""
     tool = {"kind": "cylinder", "radius": 3e-3, "length": 0.02, "position": [x, x, 2 * THIRD + 0.0105]}
-    force = pressed(tool, 3e-4, (4 * THIRD, 4 * THIRD, 2 * THIRD), THIRD, 50e3, 0.3, model=model)
+    force = pressed(scene_of(tool, 3e-4, (4 * THIRD, 4 * THIRD, 2 * THIRD), THIRD, 50e3, 0.3, model))
     assert force == pytest.approx(ROUND_END, rel=0.1)
 
 
@@ -241,6 +235,5 @@ def test_a_box_narrower_than_a_block_presses_as_a_blade(cell: float, within: flo
     for width, right in BLADES.items():
         for x in (0.0, 3.1e-3, 5e-3):
             tool = {"kind": "box", "size": [width, 0.08, 0.02], "position": [x, 0, 0.0405]}
-            assert pressed(tool, 1e-3, (0.06, 0.06, 0.03), cell, 20e3, 0.4, model="pbd") == pytest.approx(
-                right, rel=within
-            )
+            scene = scene_of(tool, 1e-3, (0.06, 0.06, 0.03), cell, 20e3, 0.4, "pbd")
+            assert pressed(scene) == pytest.approx(right, rel=within)

@@ -32,6 +32,8 @@ class ByCells:
 
     force: Callable[[Model, str, float], Trace]
     """of a model, what is varied, and an edge; remembered by whoever gives it"""
+    quantity: str
+    """what a report calls it, by which its claims go"""
     edges: tuple[float, ...]
     """of the rows, from the longest"""
     finest: float
@@ -63,7 +65,7 @@ class ByCells:
         sibling = 2.0 * edge if edge < self.edges[0] else 0.5 * edge
         here, there = (self.force("fem", column, each) for each in (edge, sibling))
         right = self.truth(column)
-        scale = Scale(alike=True, taken=0.0, finer=sibling < edge)
+        scale = Scale(alike=True, taken=0.0, finer=sibling < edge).at(self.quantity)
         claimed = scale.claim(abs(here.value - there.value), right, 0.0) / right
         error = abs(here.value - right) / right
         why = f"the force is off by {percent(error)}, and {percent(claimed)} is claimed"

@@ -54,7 +54,7 @@ def build(shapes: tuple[str, ...] = tuple(SURFACES), edges: tuple[float, ...] = 
         f"which close by {100 * SQUEEZE:g} % of the width. Accurate: the force is within {100 * BOUND:g} % of FEM's on "
         f"cells of {FINEST:g} mm. {CLAIM_HOLDS}"
     )
-    return ByCells(squeezed, edges, FINEST).map(
+    return ByCells(squeezed, "grip_force", edges, FINEST).map(
         "shapes", "Shapes against cells", text, shapes, ("shape", "cell [mm]"), 1.0
     )
 

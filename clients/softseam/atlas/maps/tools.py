@@ -35,7 +35,7 @@ def build(tools: tuple[str, ...] = tuple(TOOLS), edges: tuple[float, ...] = CELL
         f"between its nodes. Accurate: the force is within {100 * BOUND:g} % of FEM's on cells of {FINEST:.2g} mm. "
         f"{CLAIM_HOLDS}"
     )
-    return ByCells(pressed, edges, FINEST).map(
+    return ByCells(pressed, "tool.force", edges, FINEST).map(
         "tools", "Tools against cells", text, tools, ("tool [mm]", "cell [mm]"), 1.0
     )
 
