@@ -130,6 +130,7 @@ class SeamProbe:
             indptr=indptr,
             node=number[model.node[kept]],
             touches=model.touches[self._used],
+            visits=np.argsort(np.argsort(model.visits)[self._used]).astype(np.int32),
         )
         own = parameters.inverse_mass[ids]
         self._numbers = parameters.arrays._replace(

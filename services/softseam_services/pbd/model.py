@@ -37,12 +37,14 @@ class Layout(NamedTuple):
     n_surface: int
     outward: Floats
     """as of `Points` (p - n_surface,)"""
+    visits: Ints
+    """as of `Points` (p,)"""
     outer: OuterFaces
 
     @property
     def key(self) -> bytes:
         """What tells it from others."""
-        points = self.indptr, self.node, self.touches, self.n_surface, self.outward
+        points = self.indptr, self.node, self.touches, self.n_surface, self.outward, self.visits
         return key_of(*self.cells, self.coarse, self.seam, *points, *self.outer)
 
 
@@ -67,6 +69,8 @@ class PbdModel:
     """points of the surface; those inside faces come after them"""
     outward: Floats
     """as of `Points` (p - n_surface,)"""
+    visits: Ints
+    """as of `Points` (p,)"""
     faces: Faces
 
     @property
@@ -93,6 +97,7 @@ class PbdModel:
             node=self.node,
             touches=self.touches,
             outward=self.outward,
+            visits=self.visits,
             face_nodes=self.faces.nodes,
             face_point=self.faces.point,
         )
@@ -116,6 +121,7 @@ def lay_out(body: Body, region: Region, tools: ToolSet, spec: PbdSpec) -> Layout
         touches=points.touches,
         n_surface=len(region.points),
         outward=points.outward,
+        visits=points.visits,
         outer=find_outer_faces(body, region, tools),
     )
 
@@ -144,6 +150,7 @@ def model_of(layout: Layout) -> PbdModel:
         touches=touches,
         n_surface=layout.n_surface,
         outward=layout.outward,
+        visits=layout.visits,
         faces=build_faces(cells.nodes, layout.coarse, layout.outer),
     )
 

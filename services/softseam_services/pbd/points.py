@@ -43,6 +43,8 @@ class Points(NamedTuple):
     tools/kernels/patch.py (p, t) [m]"""
     outward: Floats
     """as of `FacePoints`, of those inside faces (p - k,)"""
+    visits: Ints
+    """the order in which contacts take them (p,)"""
 
 
 def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Points:
@@ -56,7 +58,9 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
         np.divide(1.0, stiffness, out=give, where=stiffness > 0.0)
     between = round_tools(tools, body) & ~_thin_discs(tools, body)
     if not between.any():
-        return Points((indptr, node, weight), touches, give, lag, np.zeros(0))
+        rows = indptr, node, weight
+        visits = _by_colours(body, region, rows) if is_embedded(body) else np.arange(len(touches), dtype=np.int32)
+        return Points(rows, touches, give, lag, np.zeros(0), visits)
     inner = face_points(body, region, outer_faces(body, region), "hex8")
     h = inner.edge[inner.face] * np.where(coarse[inner.cell], 1.0, 0.5)  # of blocks
     touches &= ~(between & np.isin(node, inner.node)[:, None])
@@ -70,7 +74,28 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
         np.concatenate([give, h / (DENSE * _young(body, region, inner) * inner.area)]),
         np.concatenate([lag, (1.0 - LIGHT / DENSE) * sag_by(tools.half_width, h[:, None])]),
         inner.outward,
+        np.arange(len(touches) + len(inner.cell), dtype=np.int32),
     )
+
+
+def _by_colours(body: Body, region: Region, rows: Rows) -> Ints:
+    """Points of a surface in octants (p,): those of octants that share no node one after another, which eight lanes can
+    take at once. In the order of cells each would wait for its neighbour's.
+
+    Of each octant the first point, then of each the second, and so on: every time by the eight colours of a lattice.
+    """
+    indptr, node, _ = rows
+    places = body.x_rest[region.nodes][node]
+    low, high = (extreme.reduceat(places, indptr[:-1]) for extreme in (np.minimum, np.maximum))
+    edge = (high - low).max(axis=0)
+    octant = np.rint((low - low.min(axis=0)) / np.where(edge > 0.0, edge, 1.0)).astype(np.int64)
+    _, own = np.unique(octant, axis=0, return_inverse=True)
+    own = own.ravel()
+    by_octant = np.argsort(own, kind="stable")
+    first = np.searchsorted(own[by_octant], own[by_octant])
+    number = np.empty(len(own), dtype=np.int64)
+    number[by_octant] = np.arange(len(own)) - first
+    return np.lexsort((own, (octant & 1) @ np.array([1, 2, 4]), number)).astype(np.int32)
 
 
 def _thin_discs(tools: ToolSet, body: Body) -> Mask:

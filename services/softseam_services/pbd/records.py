@@ -32,6 +32,7 @@ class ModelArrays(NamedTuple):
     node: Ints
     touches: NDArray[np.bool_]
     outward: Floats
+    visits: Ints
     face_nodes: Ints
     """as of `Faces` (f, 4), and so are the points"""
     face_point: Ints
@@ -139,6 +140,12 @@ class Contacts(NamedTuple):
     start: Ints
     rows: Ints
     pairs: Floats
+    clear: Floats
+    """least gap of a group that nothing touched when it was found; -inf once one of its points may touch (p t,) [m]"""
+    way: Floats
+    """how far nodes and tools came since pairs were found, at most, up to this substep (1,) [m]"""
+    before: Floats
+    """places of the nodes as the substep began (n, 3) [m]"""
     held: Ints
     held_blocks: Ints
     newest: Ints
@@ -218,6 +225,9 @@ def new_contacts(model: ModelArrays, n: int, t: int) -> Contacts:
         start=np.zeros(t + 1, dtype=np.int32),
         rows=np.zeros((p * t, N_ROWS), dtype=np.int32),
         pairs=aligned(p * t, WIDTH),
+        clear=np.zeros(p * t),
+        way=np.zeros(1),
+        before=np.zeros((n, 3)),
         held=np.zeros(n + 8, dtype=np.int32),
         held_blocks=np.zeros(LANES * b + 1, dtype=np.int32),
         newest=np.zeros(n, dtype=np.int32),

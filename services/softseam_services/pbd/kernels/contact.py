@@ -60,7 +60,9 @@ from .pairs import (
     LAG,
     MEAN,
     MOMENT,
+    POINT,
     SIDE,
+    SIDED,
     SLIP_SINCE,
     SLIPPED,
     SOFT,
@@ -68,7 +70,9 @@ from .pairs import (
     WORK,
     W,
     X,
+    farthest,
     move_group,
+    note_nodes,
     place_group,
 )
 from .tool_motion import twelve
@@ -79,6 +83,8 @@ STILL = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """motion of a tool that does not move, as of `tool_motions`"""
 MEMORY = 0.02
 """of the pressure that bounds friction [s]"""
+STEEP = 2.0
+"""how much a gap may change at most as a point or a tool goes one length: that to a mesh is a polynomial's"""
 NO_MEMORY = 1.0
 """share of p in p_mean where nothing is lent"""
 
@@ -178,10 +184,39 @@ def _swept(row, lane, kind, shape, place, turn, motion, slow):
 
 
 @njit(cache=True, error_model="numpy")
-def find_gaps(row, kind, shape, place, turn, motion, slow):
-    """GAP of eight points to a tool of any kind."""
+def find_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
+    """GAP of a group's points to a tool of any kind."""
     for lane in range(EIGHT):
+        if rows[group, POINT + lane] < 0:
+            continue
         gap, nx, ny, nz = _swept(row, lane, kind, shape, place, turn, motion, slow)
+        row[lane + EIGHT * GAP] = gap
+        row[lane + EIGHT * (GAP + 1)] = nx
+        row[lane + EIGHT * (GAP + 2)] = ny
+        row[lane + EIGHT * (GAP + 3)] = nz
+
+
+@batch_kernel
+def find_plane_gaps(row, normal, place):
+    """GAP of a group's points to a plane through this place."""
+    nx, ny, nz = normal
+    px, py, pz = place
+    for lane in range(EIGHT):
+        gap = (row[lane] - px) * nx + (row[lane + EIGHT] - py) * ny + (row[lane + 2 * EIGHT] - pz) * nz
+        row[lane + EIGHT * GAP] = gap
+        row[lane + EIGHT * (GAP + 1)] = nx
+        row[lane + EIGHT * (GAP + 2)] = ny
+        row[lane + EIGHT * (GAP + 3)] = nz
+
+
+@batch_kernel
+def find_box_gaps(row, a, b, c, place, turn):
+    """GAP of a group's points to a box of half edges a, b, c, as of `faced_gap`."""
+    px, py, pz = place
+    for lane in range(EIGHT):
+        x, y, z = rotate_back(turn, row[lane] - px, row[lane + EIGHT] - py, row[lane + 2 * EIGHT] - pz)
+        gap, nx, ny, nz = faced_gap(row, lane, a, b, c, x, y, z)
+        nx, ny, nz = rotate(turn, nx, ny, nz)
         row[lane + EIGHT * GAP] = gap
         row[lane + EIGHT * (GAP + 1)] = nx
         row[lane + EIGHT * (GAP + 2)] = ny
@@ -199,8 +234,10 @@ def solve_at_gaps(row, motion, hh, newer):
 
 @njit(cache=True, error_model="numpy")
 def find_side_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
-    """GAP of eight points, to the side of the box or the face whose edge is near, or to the tool."""
+    """GAP of a group's points, to the side of the box or the face whose edge is near, or to the tool."""
     for lane in range(EIGHT):
+        if rows[group, POINT + lane] < 0:
+            continue
         side, x = rows[group, SIDE + lane], (row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT])
         if side >= 0:
             gap, nx, ny, nz = side_gap(side, shape, place, turn, x)
@@ -277,7 +314,8 @@ def project_contacts(model, parameters, contacts, xw, hh):
     kind, shape = parameters.kind, parameters.shape
     lends = np.sqrt(hh) / (MEMORY + np.sqrt(hh))
     position, orientation, motion = contacts.position[1], contacts.orientation[1], contacts.motion
-    start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
+    start, rows, pairs, clear = contacts.start, contacts.rows, contacts.pairs, contacts.clear
+    way = STEEP * (contacts.way[0] + farthest(contacts.before, xw))
     n_near = 0
     for tool in range(len(kind)):
         n_near += start[tool + 1] > start[tool]
@@ -289,17 +327,25 @@ def project_contacts(model, parameters, contacts, xw, hh):
         newer = lends if tool_kind == PLANE else alone
         normal = rotate(turn, tool_shape[0], tool_shape[1], tool_shape[2])
         for group in range(start[tool], start[tool + 1]):
+            if clear[group] > way:
+                continue
+            clear[group] = -np.inf
             place_group(group, X, rows, indptr, node, weight, xw, pairs)
             row = pairs[group]
             if rows[group, EDGED]:
-                find_side_gaps(row, rows, group, tool_kind, tool_shape, place, turn, forth, slow)
+                if rows[group, SIDED] or (tool_kind != PLANE and tool_kind != BOX):
+                    find_side_gaps(row, rows, group, tool_kind, tool_shape, place, turn, forth, slow)
+                elif tool_kind == PLANE:
+                    find_plane_gaps(row, normal, place)
+                else:
+                    find_box_gaps(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn)
                 solve_softly(row, forth, hh, alone)
             elif tool_kind == PLANE:
                 solve_on_plane(row, normal, place, forth, hh, newer)
             elif tool_kind == BOX:
                 solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, forth, hh, newer)
             else:
-                find_gaps(row, tool_kind, tool_shape, place, turn, forth, slow)
+                find_gaps(row, rows, group, tool_kind, tool_shape, place, turn, forth, slow)
                 solve_at_gaps(row, forth, hh, newer)
             move_group(group, rows, indptr, node, weight, hh, pairs, xw)
 
@@ -310,6 +356,8 @@ def begin_pairs(model, parameters, contacts, xw, h):
     indptr, node, weight, kind, shape = model.indptr, model.node, parameters.weight, parameters.kind, parameters.shape
     position, orientation = contacts.position[0], contacts.orientation[0]
     start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
+    contacts.way[0] += farthest(contacts.before, xw)
+    note_nodes(contacts.before, xw)
     for tool in range(len(kind)):
         for group in range(start[tool], start[tool + 1]):
             place_group(group, BEFORE, rows, indptr, node, weight, xw, pairs)
@@ -363,9 +411,11 @@ def _account_lanes(row, place, share):
 def account_pairs(model, parameters, contacts, xw, share):
     """Add one substep to MEAN, MOMENT, WORK and SLIP_SINCE; share = 1/m, the rest as in `project_contacts`."""
     indptr, node, weight, position = model.indptr, model.node, parameters.weight, contacts.position[1]
-    start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
+    start, rows, pairs, clear = contacts.start, contacts.rows, contacts.pairs, contacts.clear
     for tool in range(len(position)):
         place = three(position, tool)
         for group in range(start[tool], start[tool + 1]):
+            if clear[group] > -np.inf:
+                continue
             place_group(group, X, rows, indptr, node, weight, xw, pairs)
             _account_lanes(pairs[group], place, share)

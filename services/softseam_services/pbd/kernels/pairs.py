@@ -31,11 +31,13 @@ FACED       3  outward normal, in a box's frame, of the side that the point face
 `rows` (g, N_ROWS) says whom they belong to: POINT 8 (-1 where a lane is empty), NODE 8, DIRECT 1 (each point is that
 node, as on a block), DEEP 1 (some point was inside the tool), EDGED 1 (contact has compliance at some points) and then
 SIDE 8 (side of the tool that covers a part of what the point stands for, FLAT where that is a face of a tool that is no
-box, -1 where it is the whole tool). Groups
+box, -1 where it is the whole tool), SIDED 1 (some SIDE is not -1). Groups
 start[t] .. start[t + 1] belong to tool t.
 """
 
 from __future__ import annotations
+
+import numpy as np
 
 from softseam_services.jit import njit
 from softseam_services.tools.kernels import FLAT, patch_yields, plane_gap, side_gap, tool_gap
@@ -49,8 +51,8 @@ X, W, BEFORE, FORCE, ALLOWED, FRICTION, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT 
 WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, COVERING, LAG = 27, 28, 29, 33, 36, 37, 38, 41, 43, 46, 50
 N_COLUMNS = 51
 WIDTH = N_COLUMNS * EIGHT
-POINT, NODE, DIRECT, DEEP, EDGED, SIDE = 0, 8, 16, 17, 18, 19
-N_ROWS = 27
+POINT, NODE, DIRECT, DEEP, EDGED, SIDE, SIDED = 0, 8, 16, 17, 18, 19, 27
+N_ROWS = 28
 FIRM = -4
 """in place of a side: a point that is met by its gap and yields as under what is flat"""
 DEEPEST_ROUNDOFF = 1e-9
@@ -84,7 +86,7 @@ def _open(group, n_nodes, rows, pairs):
     """An empty group: its lanes follow the padding's nodes, which nothing moves."""
     for lane in range(EIGHT):
         rows[group, POINT + lane], rows[group, NODE + lane], rows[group, SIDE + lane] = -1, n_nodes + lane, -1
-    rows[group, DIRECT], rows[group, DEEP], rows[group, EDGED] = 1, 0, 0
+    rows[group, DIRECT], rows[group, DEEP], rows[group, EDGED], rows[group, SIDED] = 1, 0, 0, 0
     for entry in range(WIDTH):
         pairs[group, entry] = 0.0
 
@@ -94,7 +96,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
     """Pairs of a point and a tool that may touch it that touch or lie within margin [m], tool after tool, in groups.
 
     state     its contact forces are carried; a pair that carries a force always counts
-    contacts  points are at its point_x; its start, rows and pairs are updated in place
+    contacts  points are at its point_x; its start, rows, pairs and clear are updated in place
     hh        the substep squared [s^2]
 
     Tools are where `inputs` says that they start.
@@ -105,6 +107,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
     factor = parameters.friction_factor
     point_x, newest, side, soft = contacts.point_x, contacts.newest, contacts.shares.side, contacts.shares.give
     start, rows, pairs, plane = contacts.start, contacts.rows, contacts.pairs, contacts.shares.plane
+    clear = contacts.clear
     n_nodes = len(newest)
     n_groups = 0
     start[0] = 0
@@ -115,7 +118,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
         # Cheap: outside the ball around the tool there is nothing to touch.
         reach = (margin + parameters.reach[tool]) ** 2
         first_open = n_groups
-        for point in range(len(point_x)):
+        for point in model.visits:
             if not model.touches[point, tool]:
                 continue
             x = three(point_x, point)
@@ -148,6 +151,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
                 group += 1
             if group == n_groups:
                 _open(group, n_nodes, rows, pairs)
+                clear[group] = np.inf
                 n_groups += 1
             lane = 0
             while rows[group, POINT + lane] >= 0:
@@ -165,9 +169,13 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
             pairs[group, EIGHT * FRICTION + lane] = parameters.friction[tool] * factor[point]
             if yields > 0.0:
                 rows[group, EDGED], rows[group, SIDE + lane] = 1, edge
+                if edge != -1:
+                    rows[group, SIDED] = 1
                 for c in range(4):
                     pairs[group, EIGHT * (COVERING + c) + lane] = plane[point, tool, c]
                 pairs[group, EIGHT * SOFT + lane], pairs[group, EIGHT * LAG + lane] = yields, lag
+            still = not carried and steady[point, tool, 0] == 0.0 and steady[point, tool, 1] == 0.0
+            clear[group] = min(clear[group], gap if still else -np.inf)
             if gap + due < -DEEPEST_ROUNDOFF:
                 pairs[group, EIGHT * DEPTH + lane] = -gap - due
                 rows[group, DEEP] = 1
@@ -239,6 +247,30 @@ def move_group(group, rows, indptr, node, weight, hh, pairs, xw):
                 xw[i, 0] += step * dx
                 xw[i, 1] += step * dy
                 xw[i, 2] += step * dz
+
+
+@njit(cache=True, error_model="numpy")
+def begin_way(contacts, xw, travel):
+    """Pairs were found with the nodes at xw (n + 8, 4); travel: how far a tool comes in the step at most [m]."""
+    contacts.way[0] = travel
+    note_nodes(contacts.before, xw)
+
+
+@njit(cache=True, error_model="numpy")
+def note_nodes(before, xw):
+    """before (n, 3) <- places in xw (n + 8, 4)."""
+    for i in range(len(before)):
+        before[i, 0], before[i, 1], before[i, 2] = xw[i, 0], xw[i, 1], xw[i, 2]
+
+
+@njit(cache=True, error_model="numpy")
+def farthest(before, xw):
+    """Longest way of a node from `before` (n, 3) to xw (n + 8, 4) [m]."""
+    longest = 0.0
+    for i in range(len(before)):
+        dx, dy, dz = xw[i, 0] - before[i, 0], xw[i, 1] - before[i, 1], xw[i, 2] - before[i, 2]
+        longest = max(longest, dx * dx + dy * dy + dz * dz)
+    return np.sqrt(longest)
 
 
 @njit(cache=True, error_model="numpy")

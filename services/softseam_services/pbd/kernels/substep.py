@@ -18,7 +18,7 @@ from .damping import damping_share, note_shapes
 from .hanging import follow
 from .hold import find_held_blocks
 from .monitor import batch_residuals, residual
-from .pairs import find_pairs, place_points, store_pairs
+from .pairs import begin_way, find_pairs, place_points, store_pairs
 from .relax import relax
 from .summary import LEAST_J, RESIDUAL, SEAM_WORK, STRAIN, STRETCH, TOOL_WORK, summarise
 from .sweep import batch_energies, block_forces, strain_energy
@@ -122,6 +122,7 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
         reach = parameters.margin + 2.0 * dt * np.sqrt(fastest)
         travel = tool_travel(parameters.reach, position, orientation, position_next, orientation_next, x)
         find_pairs(model, parameters, state, inputs, contacts, reach + 2.0 * travel, h * h)
+        begin_way(contacts, xw, travel)
         copy_rows(scratch.softness, parameters.softness)
         find_held_blocks(model, parameters, contacts)
         tool_pose(0.0, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
