@@ -142,10 +142,16 @@ class Contacts(NamedTuple):
     pairs: Floats
     clear: Floats
     """least gap of a group that nothing touched when it was found; -inf once one of its points may touch (p t,) [m]"""
-    way: Floats
-    """how far nodes and tools came since pairs were found, at most, up to this substep (1,) [m]"""
+    found: Floats
+    """of the points, see `kernels.pairs` (p, 3)"""
+    found_at: Floats
+    """xw as pairs were found (n + 8, 4)"""
     before: Floats
-    """places of the nodes as the substep began (n, 3) [m]"""
+    """xw as the substep began (n + 8, 4)"""
+    travel: Floats
+    """how far a point of each tool goes in the step, at most (t,) [m]"""
+    ahead: Floats
+    """gaps that a tool may close in the step, if no node gets faster (t,) [m]"""
     held: Ints
     held_blocks: Ints
     newest: Ints
@@ -226,8 +232,11 @@ def new_contacts(model: ModelArrays, n: int, t: int) -> Contacts:
         rows=np.zeros((p * t, N_ROWS), dtype=np.int32),
         pairs=aligned(p * t, WIDTH),
         clear=np.zeros(p * t),
-        way=np.zeros(1),
-        before=np.zeros((n, 3)),
+        found=np.zeros((p, 3)),
+        found_at=aligned(n + 8, 4),
+        before=aligned(n + 8, 4),
+        travel=np.zeros(t),
+        ahead=np.zeros(t),
         held=np.zeros(n + 8, dtype=np.int32),
         held_blocks=np.zeros(LANES * b + 1, dtype=np.int32),
         newest=np.zeros(n, dtype=np.int32),

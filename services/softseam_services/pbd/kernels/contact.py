@@ -40,6 +40,7 @@ from softseam_services.tools.kernels import (
     swept_gap,
 )
 
+from .copy_rows import copy_rows
 from .faced import face_sides, faced_gap
 from .lanes import batch_kernel, four, lane_kernel, three
 from .pairs import (
@@ -72,8 +73,8 @@ from .pairs import (
     X,
     farthest,
     move_group,
-    note_nodes,
     place_group,
+    steepness,
 )
 from .tool_motion import twelve
 
@@ -83,8 +84,6 @@ STILL = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """motion of a tool that does not move, as of `tool_motions`"""
 MEMORY = 0.02
 """of the pressure that bounds friction [s]"""
-STEEP = 2.0
-"""how much a gap may change at most as a point or a tool goes one length: that to a mesh is a polynomial's"""
 NO_MEMORY = 1.0
 """share of p in p_mean where nothing is lent"""
 
@@ -296,6 +295,18 @@ def _solve_softly(row, lane, motion, hh, newer):
 
 
 @batch_kernel
+def _is_open(row):
+    """Whether no point of a group is in its tool at its GAP, or feels it, or remembers that it did."""
+    felt = 0.0
+    for lane in range(EIGHT):
+        inside = -row[lane + EIGHT * GAP] if row[lane + EIGHT * GIVE] > 0.0 else 0.0
+        felt = max(felt, inside, abs(row[lane + EIGHT * STEADY]), row[lane + EIGHT * (STEADY + 1)])
+        fx, fy, fz = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)], row[lane + EIGHT * (FORCE + 2)]
+        felt = max(felt, abs(fx), abs(fy), abs(fz))
+    return felt == 0.0
+
+
+@batch_kernel
 def solve_softly(row, motion, hh, newer):
     """The eight pairs of a group at their GAP, with compliance: eq. (3)."""
     for lane in range(EIGHT):
@@ -315,7 +326,7 @@ def project_contacts(model, parameters, contacts, xw, hh):
     lends = np.sqrt(hh) / (MEMORY + np.sqrt(hh))
     position, orientation, motion = contacts.position[1], contacts.orientation[1], contacts.motion
     start, rows, pairs, clear = contacts.start, contacts.rows, contacts.pairs, contacts.clear
-    way = STEEP * (contacts.way[0] + farthest(contacts.before, xw))
+    way = farthest(contacts.found_at, xw)
     n_near = 0
     for tool in range(len(kind)):
         n_near += start[tool + 1] > start[tool]
@@ -325,11 +336,14 @@ def project_contacts(model, parameters, contacts, xw, hh):
         place, turn = three(position, tool), four(orientation, tool)
         forth, slow = twelve(motion, 0, tool), SLOW * parameters.reach[tool]
         newer = lends if tool_kind == PLANE else alone
+        reached = steepness(tool_kind) * (way + contacts.travel[tool])
         normal = rotate(turn, tool_shape[0], tool_shape[1], tool_shape[2])
         for group in range(start[tool], start[tool + 1]):
-            if clear[group] > way:
+            if clear[group] > reached:
                 continue
-            clear[group] = -np.inf
+            if clear[group] > -np.inf:
+                clear[group] = -np.inf
+                _begin_group(model, parameters, contacts, tool, group, np.sqrt(hh))
             place_group(group, X, rows, indptr, node, weight, xw, pairs)
             row = pairs[group]
             if rows[group, EDGED]:
@@ -339,6 +353,8 @@ def project_contacts(model, parameters, contacts, xw, hh):
                     find_plane_gaps(row, normal, place)
                 else:
                     find_box_gaps(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn)
+                if _is_open(row):
+                    continue
                 solve_softly(row, forth, hh, alone)
             elif tool_kind == PLANE:
                 solve_on_plane(row, normal, place, forth, hh, newer)
@@ -351,33 +367,40 @@ def project_contacts(model, parameters, contacts, xw, hh):
 
 
 @njit(cache=True, error_model="numpy")
-def begin_pairs(model, parameters, contacts, xw, h):
-    """BEFORE, FACED, HELD and ALLOWED for a substep h that starts at xw, with the tools where they start it."""
+def _begin_group(model, parameters, contacts, tool, group, h):
+    """BEFORE, FACED, HELD and ALLOWED of a group for the substep that starts at contacts.before, with the tools where
+    they start it."""
     indptr, node, weight, kind, shape = model.indptr, model.node, parameters.weight, parameters.kind, parameters.shape
-    position, orientation = contacts.position[0], contacts.orientation[0]
-    start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
-    contacts.way[0] += farthest(contacts.before, xw)
-    note_nodes(contacts.before, xw)
-    for tool in range(len(kind)):
+    rows, pairs, xw = contacts.rows, contacts.pairs, contacts.before
+    place, turn = three(contacts.position[0], tool), four(contacts.orientation[0], tool)
+    place_group(group, BEFORE, rows, indptr, node, weight, xw, pairs)
+    row = pairs[group]
+    if kind[tool] == BOX:
+        a, b, c = three(shape, tool)
+        face_sides(row, a, b, c, place, turn)
+    if rows[group, EDGED]:
+        for entry in range(3 * EIGHT):
+            row[EIGHT * HELD + entry] = row[EIGHT * FORCE + entry]
+    if rows[group, DEEP]:
+        place_group(group, X, rows, indptr, node, weight, xw, pairs)
+        find_side_gaps(row, rows, group, kind[tool], shape[tool], place, turn, STILL, np.inf)
+        for lane in range(EIGHT):
+            if row[lane + EIGHT * DEPTH] > 0.0:
+                old = _pressed(row, lane)
+                old *= patch_yields(row[lane + EIGHT * SOFT], row[lane + EIGHT * LAG], old)
+                old += row[lane + EIGHT * GAP]
+                row[lane + EIGHT * ALLOWED] = min(0.0, old) / (1.0 + h / RELEASE)
+
+
+@njit(cache=True, error_model="numpy")
+def begin_pairs(model, parameters, contacts, xw, h):
+    """A substep h starts at xw, with the tools where they start it."""
+    start, clear = contacts.start, contacts.clear
+    copy_rows(contacts.before, xw)
+    for tool in range(len(parameters.kind)):
         for group in range(start[tool], start[tool + 1]):
-            place_group(group, BEFORE, rows, indptr, node, weight, xw, pairs)
-            row = pairs[group]
-            if kind[tool] == BOX:
-                a, b, c = three(shape, tool)
-                face_sides(row, a, b, c, three(position, tool), four(orientation, tool))
-            if rows[group, EDGED]:
-                for entry in range(3 * EIGHT):
-                    row[EIGHT * HELD + entry] = row[EIGHT * FORCE + entry]
-            if rows[group, DEEP]:
-                place_group(group, X, rows, indptr, node, weight, xw, pairs)
-                place, turn = three(position, tool), four(orientation, tool)
-                find_side_gaps(row, rows, group, kind[tool], shape[tool], place, turn, STILL, np.inf)
-                for lane in range(EIGHT):
-                    if row[lane + EIGHT * DEPTH] > 0.0:
-                        old = _pressed(row, lane)
-                        old *= patch_yields(row[lane + EIGHT * SOFT], row[lane + EIGHT * LAG], old)
-                        old += row[lane + EIGHT * GAP]
-                        row[lane + EIGHT * ALLOWED] = min(0.0, old) / (1.0 + h / RELEASE)
+            if clear[group] == -np.inf:
+                _begin_group(model, parameters, contacts, tool, group, h)
 
 
 @batch_kernel

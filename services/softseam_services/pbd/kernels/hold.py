@@ -10,6 +10,8 @@ what sticks is held in all directions; what slides is held in one of three by ea
 
 from __future__ import annotations
 
+import numpy as np
+
 from softseam_services.jit import njit
 
 from .lanes import LANES
@@ -30,13 +32,11 @@ def find_held_blocks(model, parameters, contacts):
     Updates contacts.held_blocks (4 b + 1,): their count, then batch * 4 + lane of each; `held` (n + 8,) is scratch,
     zero before and after.
     """
-    nodes, indptr, node, weight = model.blocks, model.indptr, model.node, parameters.weight
-    start, rows, held, blocks = contacts.start, contacts.rows, contacts.held, contacts.held_blocks
+    nodes, held, blocks = model.blocks, contacts.held, contacts.held_blocks
     blocks[0] = 0
-    n_groups = start[len(start) - 1]
-    if n_groups == 0:
+    if contacts.start[len(contacts.start) - 1] == 0:
         return
-    _mark(indptr, node, weight, n_groups, rows, held, 1)
+    _mark(model, parameters, contacts, np.inf, 1)
     n_blocks = 0
     for batch in range(len(nodes)):
         for lane in range(LANES):
@@ -47,13 +47,16 @@ def find_held_blocks(model, parameters, contacts):
                 n_blocks += 1
                 blocks[n_blocks] = LANES * batch + lane
     blocks[0] = n_blocks
-    _mark(indptr, node, weight, n_groups, rows, held, 0)
+    _mark(model, parameters, contacts, np.inf, 0)
 
 
 @njit(cache=True, error_model="numpy")
-def _mark(indptr, node, weight, n_groups, rows, held, value):
-    """held <- value for the nodes that the points of the groups stand for."""
-    for group in range(n_groups):
+def _mark(model, parameters, contacts, clear, value):
+    """contacts.held <- value for the nodes that the points of the groups stand for that are as `clear` at most [m]."""
+    indptr, node, weight, rows, held = model.indptr, model.node, parameters.weight, contacts.rows, contacts.held
+    for group in range(contacts.start[len(contacts.start) - 1]):
+        if contacts.clear[group] > clear:
+            continue
         for lane in range(EIGHT):
             point = rows[group, POINT + lane]
             if point >= 0:
@@ -66,12 +69,14 @@ def _mark(indptr, node, weight, n_groups, rows, held, value):
 def soften_held_blocks(model, parameters, contacts, softness):
     """softness (b, 4) of the held blocks by the contacts as they are now: 8 max w_i `SHARE`, updated in place."""
     nodes, indptr, node, weight = model.blocks, model.indptr, model.node, parameters.weight
-    start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
+    start, rows, pairs, clear = contacts.start, contacts.rows, contacts.pairs, contacts.clear
     held, blocks, inverse_mass = contacts.held, contacts.held_blocks, parameters.inverse_mass
     if blocks[0] == 0:
         return
     n_groups = start[len(start) - 1]
     for group in range(n_groups):
+        if clear[group] > -np.inf:
+            continue
         for lane in range(EIGHT):
             hold, point = int(pairs[group, EIGHT * HOLD + lane]), rows[group, POINT + lane]
             if point >= 0 and hold > 0:
@@ -85,4 +90,4 @@ def soften_held_blocks(model, parameters, contacts, softness):
             one = nodes[batch, i, lane]
             most = max(most, inverse_mass[one] * SHARE[held[one]])
         softness[batch, lane] = 8.0 * most
-    _mark(indptr, node, weight, n_groups, rows, held, 0)
+    _mark(model, parameters, contacts, -np.inf, 0)

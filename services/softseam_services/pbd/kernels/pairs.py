@@ -40,7 +40,8 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import FLAT, patch_yields, plane_gap, side_gap, tool_gap
+from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
+from softseam_services.tools.kernels import FLAT, patch_yields, plane_gap, side_gap, tool_gap, tool_travel
 
 from .lanes import LANES, four, three, transpose_four
 
@@ -57,6 +58,39 @@ FIRM = -4
 """in place of a side: a point that is met by its gap and yields as under what is flat"""
 DEEPEST_ROUNDOFF = 1e-9
 """penetrations below this are roundoff of a closed contact [m]"""
+
+
+RANKS, NOT_FOUND = 3, 3.0
+"""of pairs, see `find_pairs`"""
+EXACT, STEEP = 1.001, 2.0
+"""how much a gap changes at most as a point or a tool goes one length: as much, but for rounding; and that to a mesh,
+which is a polynomial's, or to a shape that is added"""
+
+
+@njit(cache=True, error_model="numpy")
+def steepness(kind):
+    """EXACT or STEEP."""
+    exact = kind == PLANE or kind == BOX or kind == SPHERE or kind == CAPSULE or kind == CYLINDER
+    return EXACT if exact else STEEP
+
+
+@njit(cache=True, error_model="numpy")
+def look_ahead(parameters, inputs, contacts, x, way):
+    """How far each tool comes in the step, and by how much less than `ahead` its gaps shrink in it where nodes go no
+    farther than `way` [m]: contacts.travel and .ahead (t,). Pairs are to be found; x (n, 3): nodes as the step begins.
+
+    Returns the longest of these ways of tools [m].
+    """
+    longest = 0.0
+    for tool in range(len(parameters.kind)):
+        one = slice(tool, tool + 1)
+        travel = tool_travel(
+            *(parameters.reach[one], inputs.position[one], inputs.orientation[one]),
+            *(inputs.position_next[one], inputs.orientation_next[one], x),
+        )
+        contacts.travel[tool], contacts.ahead[tool] = travel, steepness(parameters.kind[tool]) * (travel + way)
+        longest = max(longest, travel)
+    return longest
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -92,100 +126,124 @@ def _open(group, n_nodes, rows, pairs):
 
 
 @njit(cache=True, error_model="numpy")
+def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
+    """contacts.found (p, 3) <- gap to a tool where it starts, how much deeper than its force tells a point is inside
+    [m], and in which of RANKS a pair is; those that are none have NOT_FOUND."""
+    softness, lags, force = parameters.point_give, parameters.point_lag, state.force
+    side, soft, plane, found = contacts.shares.side, contacts.shares.give, contacts.shares.plane, contacts.found
+    kind, shape, point_x = parameters.kind[tool], parameters.shape[tool], contacts.point_x
+    place, turn = three(inputs.position, tool), four(inputs.orientation, tool)
+    # Cheap: outside the ball around the tool there is nothing to touch.
+    reach = (margin + parameters.reach[tool]) ** 2
+    for point in range(len(point_x)):
+        found[point, 2] = NOT_FOUND
+        if not model.touches[point, tool]:
+            continue
+        x = three(point_x, point)
+        square = (x[0] - place[0]) ** 2 + (x[1] - place[1]) ** 2 + (x[2] - place[2]) ** 2
+        fx, fy, fz = three(force[point], tool)
+        carried = fx != 0.0 or fy != 0.0 or fz != 0.0
+        edge = side[point, tool]
+        yields, lag = (softness[point], lags[point, tool]) if edge == -1 else (soft[point, tool], 0.0)
+        if edge == FIRM:
+            edge = -1
+        if square > reach and not carried and edge == -1:
+            state.steady[point, tool] = 0.0
+            continue
+        if edge >= 0:
+            gap, nx, ny, nz = side_gap(edge, shape, place, turn, x)
+        elif edge == FLAT:
+            gap, nx, ny, nz = plane_gap(plane[point, tool], place, turn, x)
+        else:
+            gap, nx, ny, nz = tool_gap(kind, shape, place, turn, x)
+        if gap >= margin and not carried:
+            state.steady[point, tool] = 0.0
+            continue
+        due = max(0.0, fx * nx + fy * ny + fz * nz)
+        due *= patch_yields(yields, lag, due)
+        held = carried or state.steady[point, tool, 0] != 0.0 or state.steady[point, tool, 1] != 0.0
+        rank = 0.0 if held or gap <= 0.0 else 1.0 if gap < contacts.ahead[tool] else 2.0
+        found[point, 0], found[point, 1], found[point, 2] = gap, -gap - due, rank
+
+
+@njit(cache=True, error_model="numpy")
+def _add_pair(model, parameters, state, contacts, tool, point, hh, first_open, n_groups):
+    """Take up a pair into the first group with room that comes after all groups with a node of its point; returns the
+    first of the tool's groups that is not full, and how many groups there are."""
+    indptr, node, weight, newest = model.indptr, model.node, parameters.weight, contacts.newest
+    rows, pairs, clear, shares = contacts.rows, contacts.pairs, contacts.clear, contacts.shares
+    force, steady = state.force[point, tool], state.steady[point, tool]
+    gap, depth, rank = three(contacts.found, point)
+    group, first, end = first_open, indptr[point], indptr[point + 1]
+    for entry in range(first, end):
+        group = max(group, newest[node[entry]] + 1)
+    while group < n_groups and rows[group, POINT + EIGHT - 1] >= 0:
+        group += 1
+    if group == n_groups:
+        _open(group, len(newest), rows, pairs)
+        clear[group] = np.inf
+        n_groups += 1
+    lane = 0
+    while rows[group, POINT + lane] >= 0:
+        lane += 1
+    for entry in range(first, end):
+        newest[node[entry]] = group
+    rows[group, POINT + lane], rows[group, NODE + lane] = point, node[first]
+    if end != first + 1 or weight[first] != 1.0:
+        rows[group, DIRECT] = 0
+    row = pairs[group]
+    give = hh * parameters.point_softness[point]
+    row[EIGHT * GIVE + lane], row[EIGHT * (GIVE + 1) + lane] = give, 1.0 / give if give > 0.0 else 0.0
+    row[EIGHT * FRICTION + lane] = parameters.friction[tool] * parameters.friction_factor[point]
+    side = shares.side[point, tool]
+    whole = side == -1
+    yields = parameters.point_give[point] if whole else shares.give[point, tool]
+    if yields > 0.0:
+        rows[group, EDGED], rows[group, SIDE + lane] = 1, -1 if side == FIRM else side
+        if rows[group, SIDE + lane] != -1:
+            rows[group, SIDED] = 1
+        for c in range(4):
+            row[EIGHT * (COVERING + c) + lane] = shares.plane[point, tool, c]
+        row[EIGHT * SOFT + lane], row[EIGHT * LAG + lane] = yields, parameters.point_lag[point, tool] if whole else 0.0
+    if depth > DEEPEST_ROUNDOFF:
+        row[EIGHT * DEPTH + lane] = depth
+        rows[group, DEEP] = 1
+    clear[group] = min(clear[group], gap if rank > 0.0 else -np.inf)
+    for c in range(2):
+        row[EIGHT * (STEADY + c) + lane] = steady[c]
+    for c in range(3):
+        row[EIGHT * (FORCE + c) + lane] = force[c]
+        row[EIGHT * (SLIP_SINCE + c) + lane] = state.slip[point, tool, c]
+    while first_open < n_groups and rows[first_open, POINT + EIGHT - 1] >= 0:
+        first_open += 1
+    return first_open, n_groups
+
+
+@njit(cache=True, error_model="numpy")
 def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
     """Pairs of a point and a tool that may touch it that touch or lie within margin [m], tool after tool, in groups.
 
     state     its contact forces are carried; a pair that carries a force always counts
-    contacts  points are at its point_x; its start, rows, pairs and clear are updated in place
+    contacts  points are at its point_x; its start, rows, pairs and clear are updated in place. Of a tool first come
+              points that it holds, then those that it reaches by its `ahead`, then others: few groups are solved
     hh        the substep squared [s^2]
 
     Tools are where `inputs` says that they start.
     """
-    indptr, node, weight, softness = model.indptr, model.node, parameters.weight, parameters.point_softness
-    point_give, point_lag = parameters.point_give, parameters.point_lag
-    force, slip, steady = state.force, state.slip, state.steady
-    factor = parameters.friction_factor
-    point_x, newest, side, soft = contacts.point_x, contacts.newest, contacts.shares.side, contacts.shares.give
-    start, rows, pairs, plane = contacts.start, contacts.rows, contacts.pairs, contacts.shares.plane
-    clear = contacts.clear
-    n_nodes = len(newest)
+    start, found, newest = contacts.start, contacts.found, contacts.newest
     n_groups = 0
     start[0] = 0
     newest[:] = -1
     for tool in range(len(parameters.kind)):
-        tool_kind, tool_shape = parameters.kind[tool], parameters.shape[tool]
-        place, turn = three(inputs.position, tool), four(inputs.orientation, tool)
-        # Cheap: outside the ball around the tool there is nothing to touch.
-        reach = (margin + parameters.reach[tool]) ** 2
-        first_open = n_groups
-        for point in model.visits:
-            if not model.touches[point, tool]:
-                continue
-            x = three(point_x, point)
-            square = (x[0] - place[0]) ** 2 + (x[1] - place[1]) ** 2 + (x[2] - place[2]) ** 2
-            carried = force[point, tool, 0] != 0.0 or force[point, tool, 1] != 0.0 or force[point, tool, 2] != 0.0
-            edge = side[point, tool]
-            yields, lag = (point_give[point], point_lag[point, tool]) if edge == -1 else (soft[point, tool], 0.0)
-            if edge == FIRM:
-                edge = -1
-            if square > reach and not carried and edge == -1:
-                steady[point, tool] = 0.0
-                continue
-            if edge >= 0:
-                gap, nx, ny, nz = side_gap(edge, tool_shape, place, turn, x)
-            elif edge == FLAT:
-                gap, nx, ny, nz = plane_gap(plane[point, tool], place, turn, x)
-            else:
-                gap, nx, ny, nz = tool_gap(tool_kind, tool_shape, place, turn, x)
-            fx, fy, fz = three(force[point], tool)
-            due = max(0.0, fx * nx + fy * ny + fz * nz)
-            due *= patch_yields(yields, lag, due)
-            if gap >= margin and not carried:
-                steady[point, tool] = 0.0
-                continue
-            # The first group with room that comes after all groups with a node of this point.
-            group = first_open
-            for entry in range(indptr[point], indptr[point + 1]):
-                group = max(group, newest[node[entry]] + 1)
-            while group < n_groups and rows[group, POINT + EIGHT - 1] >= 0:
-                group += 1
-            if group == n_groups:
-                _open(group, n_nodes, rows, pairs)
-                clear[group] = np.inf
-                n_groups += 1
-            lane = 0
-            while rows[group, POINT + lane] >= 0:
-                lane += 1
-            for entry in range(indptr[point], indptr[point + 1]):
-                newest[node[entry]] = group
-            entry = indptr[point]
-            rows[group, POINT + lane] = point
-            rows[group, NODE + lane] = node[entry]
-            if indptr[point + 1] != entry + 1 or weight[entry] != 1.0:
-                rows[group, DIRECT] = 0
-            give = hh * softness[point]
-            pairs[group, EIGHT * GIVE + lane] = give
-            pairs[group, EIGHT * (GIVE + 1) + lane] = 1.0 / give if give > 0.0 else 0.0
-            pairs[group, EIGHT * FRICTION + lane] = parameters.friction[tool] * factor[point]
-            if yields > 0.0:
-                rows[group, EDGED], rows[group, SIDE + lane] = 1, edge
-                if edge != -1:
-                    rows[group, SIDED] = 1
-                for c in range(4):
-                    pairs[group, EIGHT * (COVERING + c) + lane] = plane[point, tool, c]
-                pairs[group, EIGHT * SOFT + lane], pairs[group, EIGHT * LAG + lane] = yields, lag
-            still = not carried and steady[point, tool, 0] == 0.0 and steady[point, tool, 1] == 0.0
-            clear[group] = min(clear[group], gap if still else -np.inf)
-            if gap + due < -DEEPEST_ROUNDOFF:
-                pairs[group, EIGHT * DEPTH + lane] = -gap - due
-                rows[group, DEEP] = 1
-            for c in range(2):
-                pairs[group, EIGHT * (STEADY + c) + lane] = steady[point, tool, c]
-            for c in range(3):
-                pairs[group, EIGHT * (FORCE + c) + lane] = force[point, tool, c]
-                pairs[group, EIGHT * (SLIP_SINCE + c) + lane] = slip[point, tool, c]
-            while first_open < n_groups and rows[first_open, POINT + EIGHT - 1] >= 0:
-                first_open += 1
+        _find_gaps(model, parameters, state, inputs, contacts, margin, tool)
+        for rank in range(RANKS):
+            first_open = n_groups
+            for point in model.visits:
+                if found[point, 2] != rank:
+                    continue
+                first_open, n_groups = _add_pair(
+                    model, parameters, state, contacts, tool, point, hh, first_open, n_groups
+                )
         start[tool + 1] = n_groups
 
 
@@ -250,24 +308,10 @@ def move_group(group, rows, indptr, node, weight, hh, pairs, xw):
 
 
 @njit(cache=True, error_model="numpy")
-def begin_way(contacts, xw, travel):
-    """Pairs were found with the nodes at xw (n + 8, 4); travel: how far a tool comes in the step at most [m]."""
-    contacts.way[0] = travel
-    note_nodes(contacts.before, xw)
-
-
-@njit(cache=True, error_model="numpy")
-def note_nodes(before, xw):
-    """before (n, 3) <- places in xw (n + 8, 4)."""
-    for i in range(len(before)):
-        before[i, 0], before[i, 1], before[i, 2] = xw[i, 0], xw[i, 1], xw[i, 2]
-
-
-@njit(cache=True, error_model="numpy")
 def farthest(before, xw):
-    """Longest way of a node from `before` (n, 3) to xw (n + 8, 4) [m]."""
+    """Longest way of a node from one (n + 8, 4) to the other [m]."""
     longest = 0.0
-    for i in range(len(before)):
+    for i in range(len(before) - EIGHT):
         dx, dy, dz = xw[i, 0] - before[i, 0], xw[i, 1] - before[i, 1], xw[i, 2] - before[i, 2]
         longest = max(longest, dx * dx + dy * dy + dz * dz)
     return np.sqrt(longest)

@@ -10,7 +10,7 @@ from .contact import begin_pairs
 from .copy_rows import copy_rows
 from .damping import damping_share, note_shapes
 from .hold import find_held_blocks
-from .pairs import begin_way, find_pairs, place_points
+from .pairs import find_pairs, place_points
 from .relax import relax
 from .substep import finish, predict
 from .sweep import exact_stress
@@ -25,8 +25,9 @@ def begin_probes(model, parameters, start, inputs, scratch, hh, ws):
     exact_stress(ws, xw, model.blocks, parameters.volume, start.stress, parameters.constants, parameters.law)
     place_points(model, parameters, xw, contacts.point_x)
     copy_rows(scratch.softness, parameters.softness)
+    contacts.ahead[:] = 0.0
     find_pairs(model, parameters, start, inputs, contacts, 0.0, hh)
-    begin_way(contacts, xw, 0.0)
+    contacts.clear[:] = -np.inf
     find_held_blocks(model, parameters, contacts)
     for now in range(2):
         copy_rows(contacts.position[now], inputs.position)

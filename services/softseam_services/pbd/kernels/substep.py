@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import cell_distances, tool_travel
+from softseam_services.tools.kernels import cell_distances
 
 from .contact import account_pairs, begin_pairs
 from .copy_rows import copy_rows
@@ -18,7 +18,7 @@ from .damping import damping_share, note_shapes
 from .hanging import follow
 from .hold import find_held_blocks
 from .monitor import batch_residuals, residual
-from .pairs import begin_way, find_pairs, place_points, store_pairs
+from .pairs import find_pairs, look_ahead, place_points, store_pairs
 from .relax import relax
 from .summary import LEAST_J, RESIDUAL, SEAM_WORK, STRAIN, STRETCH, TOOL_WORK, summarise
 from .sweep import batch_energies, block_forces, strain_energy
@@ -119,10 +119,10 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
         for i in range(n):
             square = v[i, 0] ** 2 + v[i, 1] ** 2 + v[i, 2] ** 2
             fastest = max(fastest, square)
-        reach = parameters.margin + 2.0 * dt * np.sqrt(fastest)
-        travel = tool_travel(parameters.reach, position, orientation, position_next, orientation_next, x)
-        find_pairs(model, parameters, state, inputs, contacts, reach + 2.0 * travel, h * h)
-        begin_way(contacts, xw, travel)
+        way = dt * np.sqrt(fastest)
+        travel = look_ahead(parameters, inputs, contacts, x, way)
+        find_pairs(model, parameters, state, inputs, contacts, parameters.margin + 2.0 * (way + travel), h * h)
+        copy_rows(contacts.found_at, xw)
         copy_rows(scratch.softness, parameters.softness)
         find_held_blocks(model, parameters, contacts)
         tool_pose(0.0, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
