@@ -99,7 +99,7 @@ class PbdRun:
     ) -> None:
         self.scene = scene
         self.body = build_body(scene, files or {})
-        self.tools = build_tools(scene)
+        self.tools = build_tools(scene, files=files)
         everything = np.arange(self.body.n_cells, dtype=np.int32)
         none = np.zeros(0, dtype=np.int32)
         self.region = build_region(self.body, everything if cells is None else cells, none if seam is None else seam)
