@@ -58,9 +58,8 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
         np.divide(1.0, stiffness, out=give, where=stiffness > 0.0)
     between = round_tools(tools, body) & ~_thin_discs(tools, body)
     if not between.any():
-        rows = indptr, node, weight
-        visits = _by_colours(body, region, rows) if is_embedded(body) else np.arange(len(touches), dtype=np.int32)
-        return Points(rows, touches, give, lag, np.zeros(0), visits)
+        visits = _by_colours(body, region, indptr, node)
+        return Points((indptr, node, weight), touches, give, lag, np.zeros(0), visits)
     inner = face_points(body, region, outer_faces(body, region), "hex8")
     h = inner.edge[inner.face] * np.where(coarse[inner.cell], 1.0, 0.5)  # of blocks
     touches &= ~(between & np.isin(node, inner.node)[:, None])
@@ -78,13 +77,15 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
     )
 
 
-def _by_colours(body: Body, region: Region, rows: Rows) -> Ints:
-    """Points of a surface in octants (p,): those of octants that share no node one after another, which eight lanes can
-    take at once. In the order of cells each would wait for its neighbour's.
+def _by_colours(body: Body, region: Region, indptr: Ints, node: Ints) -> Ints:
+    """Points of a surface (p,) as contacts take them. Those that are nodes stay in order, for each is alone; of others
+    those of octants that share no node come one after another, which eight lanes can take at once: in the order of
+    cells each would wait for its neighbour's.
 
     Of each octant the first point, then of each the second, and so on: every time by the eight colours of a lattice.
     """
-    indptr, node, _ = rows
+    if len(node) == len(indptr) - 1:
+        return np.arange(len(node), dtype=np.int32)
     places = body.x_rest[region.nodes][node]
     low, high = (extreme.reduceat(places, indptr[:-1]) for extreme in (np.minimum, np.maximum))
     edge = (high - low).max(axis=0)
