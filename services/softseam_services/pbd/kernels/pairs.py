@@ -58,8 +58,6 @@ FIRM = -4
 """in place of a side: a point that is met by its gap and yields as under what is flat"""
 DEEPEST_ROUNDOFF = 1e-9
 """penetrations below this are roundoff of a closed contact [m]"""
-
-
 RANKS, NOT_FOUND = 3, 3.0
 """of pairs, see `find_pairs`"""
 EXACT, STEEP = 1.001, 2.0
@@ -76,10 +74,10 @@ def steepness(kind):
 
 @njit(cache=True, error_model="numpy")
 def look_ahead(parameters, inputs, contacts, x, way):
-    """How far each tool comes in the step, and by how much less than `ahead` its gaps shrink in it where nodes go no
-    farther than `way` [m]: contacts.travel and .ahead (t,). Pairs are to be found; x (n, 3): nodes as the step begins.
+    """contacts.travel (t,) <- how far a point of each tool goes in the step at most; contacts.ahead (t,) <- by how much
+    its gaps shrink then at most, where no node goes farther than `way` [m]. x (n, 3): nodes as the step begins.
 
-    Returns the longest of these ways of tools [m].
+    Returns the longest way of a tool [m].
     """
     longest = 0.0
     for tool in range(len(parameters.kind)):
