@@ -29,25 +29,16 @@ import numpy as np
 
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, PLANE
-from softseam_services.tools.kernels import (
-    FLAT,
-    SLOW,
-    patch_yields,
-    plane_gap,
-    rotate,
-    rotate_back,
-    side_gap,
-    swept_gap,
-)
+from softseam_services.tools.kernels import SLOW, patch_yields, rotate, rotate_back
 
 from .copy_rows import copy_rows
 from .faced import face_sides, faced_gap
+from .gaps import find_box_gaps, find_gaps, find_plane_gaps, find_side_gaps
 from .lanes import batch_kernel, four, lane_kernel, three
 from .pairs import (
     ALLOWED,
     BEFORE,
     CHANGE,
-    COVERING,
     DEEP,
     DEPTH,
     EDGED,
@@ -61,8 +52,6 @@ from .pairs import (
     LAG,
     MEAN,
     MOMENT,
-    POINT,
-    SIDE,
     SIDED,
     SLIP_SINCE,
     SLIPPED,
@@ -166,62 +155,6 @@ def solve_on_box(row, a, b, c, place, turn, motion, hh, newer):
         _solve(row, lane, gap, nx, ny, nz, motion, hh, newer)
 
 
-@njit(cache=True, error_model="numpy")
-def _swept(row, lane, kind, shape, place, turn, motion, slow):
-    """Gap and normal of a point to a tool, which it does not pass in this substep."""
-    xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
-    ux, uy = row[lane + EIGHT * BEFORE], row[lane + EIGHT * (BEFORE + 1)]
-    uz = row[lane + EIGHT * (BEFORE + 2)]
-    start = (
-        xx * ux + xy * uy + xz * uz + bx,
-        yx * ux + yy * uy + yz * uz + by,
-        zx * ux + zy * uy + zz * uz + bz,
-    )
-    point = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
-    _, gap, nx, ny, nz = swept_gap(kind, shape, place, turn, start, point, slow)
-    return gap, nx, ny, nz
-
-
-@njit(cache=True, error_model="numpy")
-def find_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
-    """GAP of a group's points to a tool of any kind."""
-    for lane in range(EIGHT):
-        if rows[group, POINT + lane] < 0:
-            continue
-        gap, nx, ny, nz = _swept(row, lane, kind, shape, place, turn, motion, slow)
-        row[lane + EIGHT * GAP] = gap
-        row[lane + EIGHT * (GAP + 1)] = nx
-        row[lane + EIGHT * (GAP + 2)] = ny
-        row[lane + EIGHT * (GAP + 3)] = nz
-
-
-@batch_kernel
-def find_plane_gaps(row, normal, place):
-    """GAP of a group's points to a plane through this place."""
-    nx, ny, nz = normal
-    px, py, pz = place
-    for lane in range(EIGHT):
-        gap = (row[lane] - px) * nx + (row[lane + EIGHT] - py) * ny + (row[lane + 2 * EIGHT] - pz) * nz
-        row[lane + EIGHT * GAP] = gap
-        row[lane + EIGHT * (GAP + 1)] = nx
-        row[lane + EIGHT * (GAP + 2)] = ny
-        row[lane + EIGHT * (GAP + 3)] = nz
-
-
-@batch_kernel
-def find_box_gaps(row, a, b, c, place, turn):
-    """GAP of a group's points to a box of half edges a, b, c, as of `faced_gap`."""
-    px, py, pz = place
-    for lane in range(EIGHT):
-        x, y, z = rotate_back(turn, row[lane] - px, row[lane + EIGHT] - py, row[lane + 2 * EIGHT] - pz)
-        gap, nx, ny, nz = faced_gap(row, lane, a, b, c, x, y, z)
-        nx, ny, nz = rotate(turn, nx, ny, nz)
-        row[lane + EIGHT * GAP] = gap
-        row[lane + EIGHT * (GAP + 1)] = nx
-        row[lane + EIGHT * (GAP + 2)] = ny
-        row[lane + EIGHT * (GAP + 3)] = nz
-
-
 @batch_kernel
 def solve_at_gaps(row, motion, hh, newer):
     """The eight pairs of a group at their GAP."""
@@ -229,35 +162,6 @@ def solve_at_gaps(row, motion, hh, newer):
         gap, nx = row[lane + EIGHT * GAP], row[lane + EIGHT * (GAP + 1)]
         ny, nz = row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
         _solve(row, lane, gap, nx, ny, nz, motion, hh, newer)
-
-
-@njit(cache=True, error_model="numpy")
-def find_side_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
-    """GAP of a group's points, to the side of the box or the face whose edge is near, or to the tool."""
-    for lane in range(EIGHT):
-        if rows[group, POINT + lane] < 0:
-            continue
-        side, x = rows[group, SIDE + lane], (row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT])
-        if side >= 0:
-            gap, nx, ny, nz = side_gap(side, shape, place, turn, x)
-        elif side == FLAT:
-            normal = (
-                row[lane + EIGHT * COVERING],
-                row[lane + EIGHT * (COVERING + 1)],
-                row[lane + EIGHT * (COVERING + 2)],
-            )
-            plane = normal[0], normal[1], normal[2], row[lane + EIGHT * (COVERING + 3)]
-            gap, nx, ny, nz = plane_gap(plane, place, turn, x)
-        elif kind == BOX:
-            u, v, w = rotate_back(turn, x[0] - place[0], x[1] - place[1], x[2] - place[2])
-            gap, nx, ny, nz = faced_gap(row, lane, shape[0], shape[1], shape[2], u, v, w)
-            nx, ny, nz = rotate(turn, nx, ny, nz)
-        else:
-            gap, nx, ny, nz = _swept(row, lane, kind, shape, place, turn, motion, slow)
-        row[lane + EIGHT * GAP] = gap
-        row[lane + EIGHT * (GAP + 1)] = nx
-        row[lane + EIGHT * (GAP + 2)] = ny
-        row[lane + EIGHT * (GAP + 3)] = nz
 
 
 @lane_kernel
