@@ -66,8 +66,8 @@ Real time is missed by far: what costs is slip, at points that begin and cease t
 tried against it is told in [decision 11](../decisions/11-newton-and-its-factor.md).
 
 Without viscosity FEM's numbers are the same, for an implicit step of 10 ms damps as much by itself; XPBD, whose
-substeps hardly damp, is {quicker} times as fast. Then a light body rings, and what rings loses friction:
-{light} is held, in the mean, with {ringing}.
+substeps hardly damp, is {quicker} times as fast. Then a light body rings, and what rings slips: {light} is
+held, in the mean, with {ringing}.
 
 In longer steps: the grip's difference to steps of 10 ms, over the whole run (L2), what the run claims to be off by, and
 times real time.
@@ -251,7 +251,7 @@ def longer(bundle: Bundle, step: float, exact: Run) -> str:
 
 def ringing(bundle: Bundle, at: float) -> str:
     """How firmly a body without viscosity is held, by step and model."""
-    tried = (("FEM in steps of 10 ms", "step=0.01"), ("of .5 ms", "step=0.0005"), ("XPBD", BY_XPBD))
+    tried = (("FEM in steps of 10 ms", "step=0.01"), ("FEM in steps of .5 ms", "step=0.0005"), ("XPBD", BY_XPBD))
     held = [(told, run(with_settings_of(bundle, ELASTIC, setting)).held(at)) for told, setting in tried]
     return ", ".join(f"{force:.3f} N by {told}" for told, force in held)
 
