@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Triangles = NDArray[np.int64]
 
+ALONG_THE_SCENE = ({"min": (1.0, 1.0, 1.0), "max": (2.0, 2.0, 2.0)},)
+"""`body.fixed` that holds no node, but has cells lie along the scene's axes however the solid is turned"""
+
 BOX_TRIANGLES = np.array(
     [
         *([0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6]),

@@ -112,7 +112,8 @@ def _check_body(
     whose = "in the block" if isinstance(scene.body.shape, BlockShape) else "of the file"
     kind = f"tetrahedra ({scene.models.fem.element})" if scene.body.tetrahedral else "hexahedra"
     own = f"{body.n_cells} {kind} {whose}, shortest edge {1e3 * body.edges[0]:.3g} mm"
-    table.add_row("cells", f"{body.n_cells} of {edges} mm" if body.boxes else own)
+    along = f", along the mesh's own axes, turned by {body.turned:.3g} degrees" if body.turned else ""
+    table.add_row("cells", f"{body.n_cells} of {edges} mm{along}" if body.boxes else own)
     if not scene.body.tetrahedral:
         slivers = f", {body.slivers} by less than 2 %" if body.slivers else ""
         emptiest = f"the emptiest to {100.0 * body.smallest_fill:.3g} %"

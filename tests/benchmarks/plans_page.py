@@ -46,6 +46,9 @@ slower than a chart's front, for a stress that the chart leaves out (tofu_slab),
 fingertip is known to 4.4 %, so that a run that is 7.7 % off there may be within 5 %, or not. *May be off by more*
 names what could break the tolerance so: its distance, and what it is known to.
 
+A sweep has the same minutes on every machine: what a slow or a busy one had no time for is counted at the end, and
+plans are missing for want of it. Factors of real time are of that machine, too.
+
 | tolerance | plans | meet it | cost at most {dearer:g} times the least | ... the least that *surely* meets it |
 |---|---|---|---|---|
 {summary}

@@ -18,8 +18,8 @@ from softseam_services.tools.build import build_tools
 ROD = {"kind": "capsule", "radius": 5e-3, "length": 0.04, "position": [0, 0, 0.06]}
 LONG = solids.obj(*solids.box((0.01, 0.01, 0.04)))
 PLATE = solids.obj(*solids.box((0.04, 0.03, 1e-3)))
-SHORTER = [0.06 / 9, 7.5e-3]
-"""edges that 400 cells allow, of which a rod asks for 5 mm [m]"""
+SHORTER = 6e-3
+"""edge that 512 cells allow, of which a rod asks for 5 mm [m]"""
 
 
 def edges(tool: dict[str, Any], **shape: Any) -> list[float]:
@@ -43,9 +43,9 @@ def edges(tool: dict[str, Any], **shape: Any) -> list[float]:
 @pytest.mark.parametrize(
     ("tool", "found"),
     [
-        (ROD, SHORTER),
-        ({**ROD, "kind": "cylinder"}, SHORTER),
-        ({"kind": "mesh", "path": "long.obj", "position": [0, 0, 0.06], "rotation": [0, 1, 0]}, SHORTER),
+        (ROD, [SHORTER]),
+        ({**ROD, "kind": "cylinder"}, [SHORTER]),
+        ({"kind": "mesh", "path": "long.obj", "position": [0, 0, 0.06], "rotation": [0, 1, 0]}, [SHORTER]),
         ({"kind": "mesh", "path": "plate.obj", "position": [0, 0, 0.06]}, [0.01]),
         ({"kind": "sphere", "radius": 0.02, "position": [0, 0, 0.06]}, [0.01]),
         ({"kind": "box", "size": [1e-3, 0.01, 0.01], "position": [0, 0, 0.06]}, [0.01]),
@@ -61,9 +61,9 @@ def test_narrow_tools_ask_for_shorter_cells(tool: dict[str, Any], found: list[fl
     [
         ((0.06, 0.06, 0.03), np.inf, (6, 6, 3)),
         ((0.06, 0.06, 0.03), 7.5e-3, (8, 8, 4)),
-        ((0.06, 0.06, 0.03), 5e-3, (9, 9, 4)),
-        ((0.06, 0.06, 0.03), 1e-4, (9, 9, 4)),
-        ((0.16, 0.16, 0.08), 5e-3, (9, 9, 4)),
+        ((0.06, 0.06, 0.03), 5e-3, (10, 10, 5)),
+        ((0.06, 0.06, 0.03), 1e-4, (10, 10, 5)),
+        ((0.16, 0.16, 0.08), 5e-3, (10, 10, 5)),
         ((1.0, 1.0, 0.02), np.inf, (54, 54, 1)),
         ((1.0, 1.0, 0.02), 5e-3, (54, 54, 1)),
     ],
@@ -88,6 +88,6 @@ def test_a_sibling_knows_them(curved: bool) -> None:
     assert isinstance(scene.body, BodySpec)
     built = build_body(scene, {})
     frame: Any = type("Rest", (), {"x": built.x_rest, "cell_near": np.zeros(built.n_cells)})
-    found = pytest.approx([SHORTER[0], *SHORTER], rel=0.4 if curved else 1e-9)
+    found = pytest.approx([SHORTER] * 3, rel=0.4 if curved else 1e-9)
     assert cell_edges(scene.body, frame) == found
     assert build_tools(scene).half_width == pytest.approx([5e-3])

@@ -29,6 +29,7 @@ def _scene(cell: float, tools: dict[str, Any]) -> Scene:
             "body": {
                 "shape": {"kind": "mesh", "path": "cylinder.obj"},
                 "cell": cell,
+                "fixed": solids.ALONG_THE_SCENE,
                 "material": {"young": YOUNG, "poisson": POISSON, "density": 1000.0},
             },
             "tools": tools,

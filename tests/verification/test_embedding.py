@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from solids import box, cylinder, join, obj, sphere
+from solids import ALONG_THE_SCENE, box, cylinder, join, obj, sphere
 
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
@@ -30,6 +30,7 @@ def embedded(vertices: np.ndarray, triangles: np.ndarray, cell: float) -> Body:
         "body": {
             "shape": {"kind": "mesh", "path": "solid.obj"},
             "cell": cell,
+            "fixed": ALONG_THE_SCENE,
             "material": {"young": 2e4, "poisson": 0.3, "density": DENSITY},
         },
     }

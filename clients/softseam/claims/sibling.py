@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from softseam.study.configurations import fem_step, xpbd_step
 from softseam.variants import AS_GIVEN, changed, refusal
 from softseam_protocol.messages.session import Frame
+from softseam_protocol.nearest_axes import nearest_axes
 from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
 from softseam_protocol.scene.file import SceneError
 from softseam_protocol.scene.implied import implied_model
@@ -35,6 +36,8 @@ LONGER = 2.0
 """how many times as long as the run's its cells and steps are [1]"""
 BOTH = 2.0
 """what a step of both models takes over one of FEM alone, roughly [1]"""
+_ORTHOGONAL = 1e-6
+"""cosine of an angle that counts as a right one [1]"""
 LARGEST_SHARE = 0.4
 """of the run's time that a sibling may take unasked [1]"""
 
@@ -105,12 +108,27 @@ def cell_edges(body: BodySpec, frame: Frame) -> Floats:
         return np.asarray(size / np.maximum(1, np.rint(size / wanted)))
     if isinstance(body.shape, MeshShape) and body.shape.cells != "boxes":
         raise NoSibling("the mesh brings its own cells: body.shape.cells: boxes lets its solid lie in longer ones")
-    # nodes are half an edge apart
-    extent = np.ptp(frame.x, axis=0)
-    planes = [len(np.unique(np.round(along / size, 6))) for along, size in zip(frame.x.T, extent, strict=True)]
-    return np.asarray(2.0 * extent / (np.array(planes) - 1))
+    return np.asarray(2.0 * np.linalg.norm(_spacings(frame), axis=0))
 
 
 def _counts(frame: Frame, edges: Floats) -> Floats:
-    """Cells along x, y and z (3,)."""
-    return np.asarray(np.rint(np.ptp(frame.x, axis=0) / edges))
+    """Cells along x, y and z, or along the axes next to these where a mesh's lie turned (3,)."""
+    spacings = _spacings(frame)
+    along = spacings / np.linalg.norm(spacings, axis=0)
+    return np.asarray(np.rint(np.ptp(frame.x @ along, axis=0) / edges))
+
+
+def _spacings(frame: Frame) -> Floats:
+    """From a node at rest to the next one along each axis of its lattice, as columns, the one next to x first (3, 3).
+
+    Of all that is orthogonal to the shortest way to another node, and then to both, the shortest is along an axis.
+    """
+    away = frame.x[1:] - frame.x[0]
+    found: list[Floats] = []
+    for _ in range(3):
+        length = np.linalg.norm(away, axis=1)
+        found.append(away[np.argmin(length)])
+        along = np.abs(away @ found[-1]) / np.linalg.norm(found[-1])
+        away = away[along < _ORTHOGONAL * length]
+    spacings = np.array(found).T
+    return np.asarray(spacings[:, nearest_axes(spacings / np.linalg.norm(spacings, axis=0))])

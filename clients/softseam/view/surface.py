@@ -139,9 +139,9 @@ def _octant_stencil(mesh: SurfaceMesh) -> tuple[Ints, Floats]:
     if len(mesh.point_octants):
         there = mesh.point_octants >= 0
         return np.maximum(mesh.point_octants, 0).astype(np.int64), there / there.sum(axis=1, keepdims=True)
-    step = 0.5 * mesh.edges
-    origin = mesh.cell_center.min(axis=0) - mesh.edges
-    cell = np.rint((mesh.cell_center - origin) / mesh.edges - 1.0).astype(np.int64)
+    step, (center, point) = 0.5 * mesh.edges, (at @ mesh.axes for at in (mesh.cell_center, mesh.point_rest))
+    origin = center.min(axis=0) - mesh.edges
+    cell = np.rint((center - origin) / mesh.edges - 1.0).astype(np.int64)
     local = np.array([[o & 1, o >> 1 & 1, o >> 2 & 1] for o in range(8)])
     octant = (2 * cell[:, None, :] + local + 1).reshape(-1, 3)  # one empty layer all around
     counts = octant.max(axis=0) + 3
@@ -149,7 +149,7 @@ def _octant_stencil(mesh: SurfaceMesh) -> tuple[Ints, Floats]:
     filled = mesh.fill.reshape(-1) > 0.0
     table[tuple(octant[filled].T)] = np.flatnonzero(filled)
     # centre of octant index i lies at origin + edges / 2 + (i - 1/2) step
-    at = (mesh.point_rest - origin - 0.5 * mesh.edges) / step + 0.5
+    at = (point - origin - 0.5 * mesh.edges) / step + 0.5
     low = np.clip(np.floor(at).astype(np.int64), 0, counts - 2)
     part = np.clip(at - low, 0.0, 1.0)
     corner = low[:, None, :] + local
@@ -178,7 +178,8 @@ def _cell_lines(mesh: SurfaceMesh, triangles: Ints) -> Ints:
         return mesh.cell_lines.astype(np.int64)
     ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     ends = np.unique(np.sort(ends, axis=1), axis=0)
-    at = (mesh.point_rest - (mesh.cell_center.min(axis=0) - 0.5 * mesh.edges)) / mesh.edges
+    least = (mesh.cell_center @ mesh.axes).min(axis=0) - 0.5 * mesh.edges
+    at = (mesh.point_rest @ mesh.axes - least) / mesh.edges
     first, second = at[ends[:, 0]], at[ends[:, 1]]
     on_plane = (np.abs(first - np.rint(first)) < 1e-6) & (np.abs(first - second) < 1e-6)
     return np.asarray(ends[on_plane.sum(axis=1) >= 2])
@@ -190,13 +191,14 @@ def _cells_of(mesh: SurfaceMesh, at: Floats) -> Ints:
         return np.zeros(len(at), dtype=np.int64)
     if len(mesh.point_octants):
         return np.asarray([int(np.argmin(((mesh.cell_center - x) ** 2).sum(axis=1))) for x in at], dtype=np.int64)
-    origin = mesh.cell_center.min(axis=0)
-    grid = np.rint((mesh.cell_center - origin) / mesh.edges).astype(np.int64)
+    center, at = mesh.cell_center @ mesh.axes, at @ mesh.axes
+    origin = center.min(axis=0)
+    grid = np.rint((center - origin) / mesh.edges).astype(np.int64)
     counts = grid.max(axis=0) + 1
     table = np.full(counts, -1, dtype=np.int64)
     table[tuple(grid.T)] = np.arange(len(grid))
     index = np.clip(np.rint((at - origin) / mesh.edges).astype(np.int64), 0, counts - 1)
     found = table[tuple(index.T)]
     for lost in np.flatnonzero(found < 0):
-        found[lost] = int(np.argmin(((mesh.cell_center - at[lost]) ** 2).sum(axis=1)))
+        found[lost] = int(np.argmin(((center - at[lost]) ** 2).sum(axis=1)))
     return np.asarray(found)

@@ -72,6 +72,8 @@ Triangles = Annotated[NDArray[np.int32], Array("i4", None, 3, least=0)]
 NO_VECTORS = partial(np.zeros, (0, 3))
 NO_MATRIX = partial(np.zeros, (0, 0))
 NO_SCALARS = partial(np.zeros, 0)
+AS_THE_SCENE = partial(np.eye, 3)
+"""axes of cells that do not lie turned (3, 3)"""
 
 
 def no_octants() -> NDArray[np.int32]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import field
 
 from softseam_protocol.messages.arrays import (
+    AS_THE_SCENE,
     NO_SCALARS,
     Count,
     Lines,
@@ -62,6 +63,8 @@ class SurfaceMesh:
     """number of each octant's material, 0 the body's own (C, 8); empty where there is but one"""
     border_lines: Lines = field(default_factory=no_lines)
     """ends of the lines along borders of materials, as nodes (L, 2)"""
+    axes: Vectors = field(default_factory=AS_THE_SCENE)
+    """unit vectors along which boxes have these edges, as columns (3, 3)"""
 
 
 @message

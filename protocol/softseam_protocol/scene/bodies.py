@@ -120,8 +120,9 @@ class BodySpec(OwnRegions):
         | None
     ) = Field(
         default=None,
-        description="cell edge, or edges along x, y, z [m]; default: a third of a block's least extent, longer where "
-        "that were thousands of cells, of a mesh by its walls; less where round tools, or tools from files, are narrow",
+        description="cell edge, or edges along x, y, z [m], of a mesh that its file has turned along its own axes "
+        "next to these; default: a third of a block's least extent, longer where that were thousands of cells, of a "
+        "mesh by its walls; less where round tools, or tools from files, are narrow",
     )
     material: AnyMaterial
     inclusions: tuple[InclusionSpec, ...] = Field(

@@ -114,6 +114,8 @@ class Body:
     boxes: bool = True
     """cells are boxes with `edges`; else hexahedra of any shape, wholly filled, or tetrahedra: `edges` has the shortest
     edge of all"""
+    axes: Floats = field(default_factory=lambda: np.eye(3))
+    """unit vectors along which boxes have these edges, as columns (3, 3)"""
     tetrahedra: bool = False
     """cells are tetrahedra, with the nodes and octants that `tetrahedron` says; their other places repeat a node"""
     damping: float = 0.0
@@ -167,6 +169,14 @@ class Body:
     def total_mass(self) -> float:
         """[kg]"""
         return float(self.cell_mass.sum())
+
+    def along_axes(self, vectors: Floats) -> Floats:
+        """Components of vectors (..., 3) along the axes of its boxes."""
+        return np.asarray(vectors @ self.axes)
+
+    def from_axes(self, components: Floats) -> Floats:
+        """Vectors (..., 3) with these components along the axes of its boxes."""
+        return np.asarray(components @ self.axes.T)
 
     @property
     def resolution(self) -> float:

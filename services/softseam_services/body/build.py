@@ -19,7 +19,7 @@ from softseam_protocol.tool_borders import Line, tool_borders
 from softseam_services.body.around_ball import block_around
 from softseam_services.body.block import block_surface
 from softseam_services.body.body import Body, Floats, Ints, Surface
-from softseam_services.body.default_cells import block_edge, solid_edge
+from softseam_services.body.default_cells import block_edge, solid_edges
 from softseam_services.body.embed import embed, read_solid
 from softseam_services.body.errors import MeshError
 from softseam_services.body.friction_field import draw_field
@@ -35,6 +35,7 @@ from softseam_services.body.particles import ParticleBody
 from softseam_services.body.tet_mesh import build_tet_mesh
 from softseam_services.body.tetrahedra import tetrahedral_cells
 from softseam_services.body.tetrahedron import CORNERS, FILL
+from softseam_services.body.tight_box import tightest_axes
 from softseam_services.shapes import SHAPES
 
 _CLAMP_TOLERANCE = 1e-9
@@ -183,11 +184,12 @@ def _of_own(scene: Scene, spec: BodySpec, cells: OwnCells, middles: Floats) -> B
 
 def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, files: Mapping[str, bytes]) -> Body:
     vertices, triangles, read_notes = read_solid(shape.path, files[shape.path], shape.scale, shape.up, shape.part)
+    axes = tightest_axes(vertices) if _may_turn(spec) else np.eye(3)
     wanted = cell_edges(spec)
     if wanted is None:
-        wanted = np.full(3, solid_edge(vertices, triangles, _half_width(scene, files)))
-    solid = embed(shape.path, vertices + np.array(spec.position), triangles, wanted)
-    centres = octant_centres(solid.x_rest[solid.cell_nodes[:, 13]], solid.edges)
+        wanted = solid_edges(vertices @ axes, triangles, _half_width(scene, files))
+    solid = embed(shape.path, vertices + np.array(spec.position), triangles, wanted, axes)
+    centres = octant_centres(solid.x_rest[solid.cell_nodes[:, 13]], solid.edges, solid.axes)
     octant_material = materials_at(spec, centres, float(solid.edges.min()))
     fill, cell_mass = solid.lumped(_densities(spec)[octant_material])
     return assemble(
@@ -202,8 +204,15 @@ def _embedded(scene: Scene, spec: BodySpec, shape: MeshShape, files: Mapping[str
         octant_material=octant_material,
         surface=solid.surface,
         moments=solid.moments,
+        axes=solid.axes,
         notes=tuple(f"{shape.path}: {note}" for note in read_notes),
     )
+
+
+def _may_turn(spec: BodySpec) -> bool:
+    """Whether cells may lie along a solid's own axes: where no box clamps nodes, which are in a plane along the scene's
+    alone, and the law does not know the axes, as one for small strains does."""
+    return not (spec.fixed or any(build_material(material).small for material in spec.materials))
 
 
 def _densities(spec: BodySpec) -> Floats:
@@ -243,6 +252,7 @@ def assemble(
     octant_material: Ints,
     surface: Surface,
     moments: Floats | None = None,
+    axes: Floats | None = None,
     notes: tuple[str, ...] = (),
     boxes: bool = True,
 ) -> Body:
@@ -268,6 +278,7 @@ def assemble(
         v_initial=v_initial,
         moments=np.zeros((0, 8, 27)) if moments is None else moments,
         boxes=boxes,
+        axes=np.eye(3) if axes is None else axes,
         damping=spec.damping,
         friction_field=draw_field(spec.friction_field, np.array(spec.position)),
         notes=notes,

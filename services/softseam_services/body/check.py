@@ -53,6 +53,8 @@ class BodyCheck:
     edges: tuple[float, float, float]
     """edges of a cell, or the shortest of all where cells are no boxes [m]"""
     boxes: bool
+    turned: float
+    """angle between the axes of its boxes and the scene's [degrees]"""
     volume: float
     """inside the surface [m^3]"""
     area: float
@@ -90,7 +92,7 @@ def check_body(body: Body) -> BodyCheck:
             "shortest edge; choose more even ones"
         )
     # What rounding a wanted cell edge to a divisor of the body leaves open is worth knowing when it is one cell.
-    if body.boxes and (size < 1.5 * body.edges).any():
+    if body.boxes and (np.ptp(body.along_axes(points), axis=0) < 1.5 * body.edges).any():
         warnings.append("body.cell: one cell through the thickness: bending is coarse; make it half as large")
     if not _SMALL <= size.max() <= _LARGE:
         warnings.append(f"body.shape: {size.max():.3g} m from end to end is unlike what a hand grips; is the unit m?")
@@ -124,6 +126,7 @@ def check_body(body: Body) -> BodyCheck:
         size=_triple(size),
         edges=_triple(body.edges),
         boxes=body.boxes,
+        turned=float(np.degrees(np.arccos(np.clip(0.5 * (np.trace(body.axes) - 1.0), -1.0, 1.0)))),
         volume=volume,
         area=float(np.linalg.norm(triangle_areas(points, triangles), axis=1).sum()),
         mass=float(mass.sum()),

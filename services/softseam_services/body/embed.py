@@ -21,7 +21,7 @@ from softseam_services.body.units import check_extent, unit_guess
 
 _ON_PLANE = 1e-9
 _NOTHING = 1e-12
-_DROPPED = 1e-6
+DROPPED = 1e-6
 """cells emptier than this that carry no surface point are left out; their mass is spread over the others"""
 _MOST_CELLS = 200_000
 _CELLS_AGREE = 1e-6
@@ -32,7 +32,7 @@ between them (docs/decisions/45); where a file has more, those closer than half 
 
 @dataclass(frozen=True)
 class Embedded:
-    """Arrays of a body, see `Body`; the corner of the grid is the least corner of the bounding box."""
+    """Arrays of a body, see `Body`; the grid begins at a corner of the box around it that lies along `axes`."""
 
     x_rest: Floats
     cell_nodes: Ints
@@ -43,6 +43,7 @@ class Embedded:
     spread: float
     """volume over that of the cells that are kept: dropped slivers count with the rest [1]"""
     surface: Surface
+    axes: Floats
 
     def lumped(self, density: Floats) -> tuple[Floats, Floats]:
         """Fill (C, 8) and mass (C, 27) [kg] for densities (C, 8) [kg/m^3], see `lump`."""
@@ -90,11 +91,14 @@ def read_solid(
     return vertices - base, triangles, (*notes, *turned, *unit_guess(vertices, scale))
 
 
-def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats) -> Embedded:
+def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats, axes: Floats | None = None) -> Embedded:
     """Cells over the bounding box of a solid, moments of the filled part of each octant, surface points.
 
-    vertices (n, 3) [m], triangles (T, 3) closed and outward, cell: wanted edges (3,) [m]
+    vertices (n, 3) [m], triangles (T, 3) closed and outward, cell: wanted edges (3,) [m]; axes (3, 3): unit vectors
+    along which box and cells lie, as columns, those of the scene where None
     """
+    axes = np.eye(3) if axes is None else axes
+    vertices = vertices @ axes
     corner, size = vertices.min(axis=0), np.ptp(vertices, axis=0)
     counts, edges = divide(size, cell)
     if int(counts.prod()) > _MOST_CELLS:
@@ -103,17 +107,12 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats) -> Embedde
             f"{path}: {int(counts.prod()):,} cells in a box of {box} m, more than {_MOST_CELLS:,}: "
             "make `cell` larger, or set `scale` (0.001 for a file in mm)"
         )
-    octants = 2 * counts.astype(np.int64)
-    lattice = np.clip((vertices - corner) * (octants / size), 0.0, octants)
-    moments = octant_moments(np.ascontiguousarray(lattice), triangles, octants)
+    moments = moments_of(vertices, triangles, counts)
     fill = moments[..., 0]
-    moments[fill < _NOTHING] = 0.0
-    moments[fill > 1.0 - _NOTHING] = FULL_MOMENTS
-
     vertices, triangles = refine(vertices, triangles, _SPACING * float(edges.min()))
-    cell_fill = fill.reshape(counts[0], 2, counts[1], 2, counts[2], 2).mean(axis=(1, 3, 5))
+    cell_fill = fill_of_cells(fill)
     carrier, local = _carry(vertices, corner, size, counts, cell_fill)
-    kept = cell_fill > _DROPPED
+    kept = cell_fill > DROPPED
     kept[carrier[:, 0], carrier[:, 1], carrier[:, 2]] = True
 
     cell_grid, cell_nodes, node_grid = number_nodes(kept)
@@ -128,10 +127,27 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats) -> Embedde
     in_cells = octants_of[cell_grid[:, 0], cell_grid[:, 1], cell_grid[:, 2]].reshape(-1, 8, 27)
 
     share = contact_shares(vertices, area, normal, 0.5 * _SPACING * float(edges.min()))
-    surface = Surface(carries, local, share, normal, triangles)
-    x_rest = corner + size * (node_grid / (2.0 * counts))
+    surface = Surface(carries, local, share, normal @ axes.T, triangles)
+    x_rest = (corner + size * (node_grid / (2.0 * counts))) @ axes.T
     spread = float(fill.sum()) / float(in_cells[:, :, 0].sum())
-    return Embedded(x_rest, cell_nodes, cell_grid, edges, in_cells, spread, surface)
+    return Embedded(x_rest, cell_nodes, cell_grid, edges, in_cells, spread, surface, axes)
+
+
+def moments_of(vertices: Floats, triangles: Ints, counts: Ints) -> Floats:
+    """M_pqr of the filled part of each octant (2 nx, 2 ny, 2 nz, 27), of so many cells (3,) over the bounding box."""
+    octants = 2 * counts.astype(np.int64)
+    lattice = (vertices - vertices.min(axis=0)) * (octants / np.ptp(vertices, axis=0))
+    moments = octant_moments(np.ascontiguousarray(np.clip(lattice, 0.0, octants)), triangles, octants)
+    fill = moments[..., 0]
+    moments[fill < _NOTHING] = 0.0
+    moments[fill > 1.0 - _NOTHING] = FULL_MOMENTS
+    return np.asarray(moments)
+
+
+def fill_of_cells(fill: Floats) -> Floats:
+    """Filled fraction of each cell (nx, ny, nz) from that of its octants (2 nx, 2 ny, 2 nz)."""
+    nx, ny, nz = (n // 2 for n in fill.shape)
+    return np.asarray(fill.reshape(nx, 2, ny, 2, nz, 2).mean(axis=(1, 3, 5)))
 
 
 def _carry(vertices: Floats, corner: Floats, size: Floats, counts: Ints, cell_fill: Floats) -> tuple[Ints, Floats]:

@@ -24,9 +24,11 @@ _ON_FACE = 1e-9
 _SIDES = np.array([(i, j, k) for k in (-1, 1) for j in (-1, 1) for i in (-1, 1)])
 
 
-def octant_centres(cell_centres: Floats, edges: Floats) -> Floats:
-    """Centres of the octants (C, 8, 3) [m] of boxes with these centres (C, 3) and edges (3,)."""
-    return np.asarray(cell_centres[:, None, :] + 0.25 * edges * _SIDES)
+def octant_centres(cell_centres: Floats, edges: Floats, axes: Floats | None = None) -> Floats:
+    """Centres of the octants (C, 8, 3) [m] of boxes with these centres (C, 3) and edges (3,) along axes (3, 3), those
+    of the scene where None."""
+    offsets = 0.25 * edges * _SIDES
+    return np.asarray(cell_centres[:, None, :] + (offsets if axes is None else offsets @ axes.T))
 
 
 def materials_at(spec: BodySpec, places: Floats, cell: float) -> Ints:

@@ -85,5 +85,5 @@ def rest_points(body: Body) -> Floats:
         value = np.einsum("pi,pj,pk->pkji", line[:, 0], line[:, 1], line[:, 2]).reshape(-1, 27)
         return np.asarray(np.einsum("pa,pai->pi", value, body.x_rest[body.cell_nodes[surface.cell]]))
     middle = body.x_rest[body.cell_nodes[surface.cell, 13]]
-    points: Floats = middle + 0.5 * surface.local * body.edges
+    points: Floats = middle + body.from_axes(0.5 * surface.local * body.edges)
     return points

@@ -112,7 +112,7 @@ def point_recovery(body: Body, sample: Floats, material: int, cell: Ints, local:
     corners = body.cell_nodes[cell][:, ids].ravel()
     patches = _patches(body, sample, material, corners)
     r = np.repeat(at, n_corners, axis=0) - body.x_rest[corners]
-    r = (r / body.edges if body.boxes else r) / patches.scale[corners]
+    r = (body.along_axes(r) / body.edges if body.boxes else r) / patches.scale[corners]
     fit = share.reshape(-1, 1) * patches.fit(patches.row[corners], r)
     shared = body.cell_nodes[patches.cells][:, _places(body)].ravel()
     places = csr_array((np.ones(len(shared)), (shared, np.arange(len(shared)))), shape=(body.n_nodes, len(shared)))

@@ -136,7 +136,7 @@ def build_numbers(
     members, at_root = np.flatnonzero(np.isin(root, joints.octant)), root.reshape(-1)
     cells = np.unique(members // 8)
     fill = true_fill(body, region.cells[cells])
-    integral = gradient_integrals(filled_moments(body, region.cells[cells], fill), body.edges)
+    integral = body.axes @ gradient_integrals(filled_moments(body, region.cells[cells], fill), body.edges)
     place, slope = np.full(len(x), -1), np.empty((27, 3))
     for joint in range(len(joints.cell)):
         nodes = joints.nodes[joint][joints.nodes[joint] >= 0]
@@ -148,7 +148,8 @@ def build_numbers(
         cell = joints.cell[joint]
         centre, firm = x[cell_nodes[cell, 13]], np.mean(np.array(mu)[body.octant_material[region.cells[cell]]])
         for tie in range(joints.tie[joint], joints.tie[joint + 1]):
-            hex27((x[nodes[joints.tied[tie]]] - centre) / (0.5 * body.edges), follow[tie], slope)
+            away = body.along_axes(x[nodes[joints.tied[tie]]] - centre)
+            hex27(away / (0.5 * body.edges), follow[tie], slope)
             stiffness[tie] = TIE * firm * float(body.edges.min())
     total = octants.total.reshape(-1)[joints.octant]
     number = body.octant_material[region.cells].reshape(-1)[joints.octant]

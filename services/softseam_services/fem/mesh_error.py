@@ -61,7 +61,7 @@ class MeshError:
         if body.boxes and not (self._full or self._tetrahedra):  # means over the filled parts of octants
             cut = np.flatnonzero((self._fill < 1.0).any(axis=1))
             parts = filled_moments(body, region.cells[cut], np.maximum(self._fill[cut], FILL_FLOOR))
-            self._at[cut] = self._middle[cut, None] + 0.5 * body.edges * filled_centroids(parts)
+            self._at[cut] = self._middle[cut, None] + body.from_axes(0.5 * body.edges * filled_centroids(parts))
         self._local = (at_points @ shapes - middle) / size[:, None]
         self._octant = np.ascontiguousarray(body.octant_material[region.cells])
         self._of_point = np.ascontiguousarray(self._octant[:, share.argmax(axis=1)])

@@ -51,7 +51,7 @@ def count_octants(body: Body, cells: Ints, root: Ints) -> Octants:
     """Of the body's cells (c,) with these roots (c, 8)."""
     cut, own_place = cut_cells(body, cells, root), np.arange(root.size).reshape(root.shape)
     fill = np.maximum(body.fill[cells], FILL_FLOOR)
-    own = mean_gradients(filled_moments(body, cells[cut], fill[cut]), body.edges)
+    own = body.axes @ mean_gradients(filled_moments(body, cells[cut], fill[cut]), body.edges)
     if np.array_equal(root, own_place):
         return Octants(cut, own, own, fill, fill, fill)
     true, joined = true_fill(body, cells), root != own_place
@@ -64,7 +64,7 @@ def count_octants(body: Body, cells: Ints, root: Ints) -> Octants:
     gradient = own.copy()
     number = np.full(len(root), -1)
     number[cut] = np.arange(len(cut))
-    integral = gradient_integrals(filled_moments(body, cells[cut], true[cut]), body.edges)
+    integral = body.axes @ gradient_integrals(filled_moments(body, cells[cut], true[cut]), body.edges)
     sums = np.zeros_like(integral).reshape(-1, 3, 27)
     local = 8 * number[root // 8] + root % 8  # of the roots, among cut cells
     inside = ~elsewhere[cut]

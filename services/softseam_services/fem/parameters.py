@@ -133,7 +133,7 @@ def _cells(model: FemModel, body: Body, region: Region, spec: FemSpec) -> dict[s
     element, material = spec.element, body.material
     mu, poisson, general = material.mu, material.elastic.poisson, model.general
     share, number = SHARES.get(element, 1.0), body.octant_material[region.cells]
-    tables = cell_tables(body.edges, share)
+    tables = cell_tables(body.edges, share, body.axes)
     fill = np.maximum(body.fill[region.cells], FILL_FLOOR)
     relative = np.array([each.mu / mu for each in body.materials])[number]
     moments = filled_moments(body, region.cells, fill)
@@ -150,7 +150,7 @@ def _cells(model: FemModel, body: Body, region: Region, spec: FemSpec) -> dict[s
 
     def rule_of(kind: ElementKind, fill: Floats, octants: Octants | None = None) -> tuple[Rule, Table]:
         own = OF_TETRAHEDRA[kind](x) if body.tetrahedra else ELEMENTS[kind](x, poisson)
-        table, of_cell = with_cut_cells(kind, own, shape, boxes, body.edges, moments, relative, octants)
+        table, of_cell = with_cut_cells(kind, own, shape, boxes, body, moments, relative, octants)
         shear = fill if octants is None else octants.shear
         return build_rule(table, fill, shear, of_cell, body, region.cells), table
 

@@ -50,7 +50,7 @@ def cell_shapes(body: Body, region: Region) -> tuple[Floats, Ints, bool]:
     """Nodes (t, 27, 3) of cells of different shapes, which of them each cell has (c,), and whether that is one, the
     body's box; a cell that is none may be alone, too."""
     x = body.x_rest[region.nodes][region.cell_nodes]
-    box = 0.5 * body.edges * (LOCAL - 1)
+    box = body.from_axes(0.5 * body.edges * (LOCAL - 1))
     x = x - x[:, 13:14]
     if np.abs(x - box).max() <= _BOX * float(body.edges.min()):
         return box[None], np.zeros(len(x), dtype=np.int32), True

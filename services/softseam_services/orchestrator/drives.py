@@ -248,7 +248,7 @@ def _added(body: Body, way: Floats, width: float, dt: float) -> tuple[float, flo
     """m_a [kg] and c_a [N s/m] of eq. (3) for a body of this width along a unit vector (3,); 0 where waves cross a cell
     in a step.
     """
-    cell = float(np.abs(way) @ body.edges)
+    cell = float(np.abs(body.along_axes(way)) @ body.edges)
     layer = body.mean_density * _cross_section(body, width) * cell
     mass = _ADDED * layer * max(0.0, 1.0 - _stiffest(body).wave_speed * dt / cell)
     return mass, math.sqrt(_at_rest(body, width) * mass)

@@ -137,7 +137,7 @@ class Goal:
         xx, yy, zz, yz, xz, xy = cauchy
         s = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - pressure * np.eye(3)
         at_point = self._scene.models.fem.element in SHARES  # which take an octant's stress at its Gauss point
-        slope = _slopes(octant, at_point) * (2.0 / body.edges)  # by places at rest
+        slope = body.from_axes(_slopes(octant, at_point) * (2.0 / body.edges))  # by places at rest
         nodes = body.cell_nodes[cell]
         deformation = x[nodes].T @ slope
         mu = body.materials[body.octant_material[cell, octant]].mu

@@ -124,7 +124,7 @@ def place_of(body: Body, name: str, at: Floats) -> tuple[int, int, Floats]:
         if found is None:
             raise _not_inside(body, name, at)
         return int(found[0]), int((found[1] >= 0.0) @ np.array([1, 2, 4])), found[1]
-    local = 2.0 * (at - body.x_rest[body.cell_nodes[:, 13]]) / body.edges
+    local = 2.0 * body.along_axes(at - body.x_rest[body.cell_nodes[:, 13]]) / body.edges
     outside = np.abs(local).max(axis=1)
     octant = (local >= 0.0) @ np.array([1, 2, 4])
     empty = body.fill[np.arange(body.n_cells), octant] == 0.0

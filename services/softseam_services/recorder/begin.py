@@ -47,6 +47,7 @@ def surface_mesh(header: Header, name: str, body: AnyBody, tools: Mapping[str, T
         edges=body.edges,
         fill=body.fill,
         tools=dict(tools),
+        axes=body.axes,
     )
     if len(body.materials) > 1:
         mesh = replace(mesh, octant_material=body.octant_material, border_lines=border_lines(body))

@@ -22,7 +22,7 @@ import numpy as np
 
 from softseam_protocol.scene.kinds import ELEMENTS as FACTS
 from softseam_protocol.scene.kinds import ElementKind
-from softseam_services.body.body import Floats, Ints
+from softseam_services.body.body import Body, Floats, Ints
 from softseam_services.body.filled import FULL_MOMENTS, mean_gradients, mean_trilinear_gradients
 from softseam_services.body.interpolate import hex27
 from softseam_services.fem.elements.hex27 import SHARES
@@ -51,7 +51,7 @@ def with_cut_cells(
     table: Table,
     shape: Ints,
     boxes: bool,
-    edges: Floats,
+    body: Body,
     moments: Floats,
     mu: Floats,
     octants: Octants | None,
@@ -64,7 +64,7 @@ def with_cut_cells(
     part = np.flatnonzero((moments[:, :, 0] < 1.0).any(axis=1)) if octants is None else octants.cut
     if not boxes or FACTS[element].functions.startswith("tet") or not len(part):
         return table, shape
-    own = _shared(element, table, edges, mu, octants) if octants else _cut(element, table, edges, moments[part])
+    own = _shared(element, table, body, mu, octants) if octants else _cut(element, table, body, moments[part])
     shape = shape.copy()
     shape[part] = 1 + np.arange(len(part))
     gradient = np.concatenate([table.gradient, own.gradient])
@@ -73,23 +73,24 @@ def with_cut_cells(
     return table._replace(gradient=gradient, weight=weight, stabilisation=stabilisation), shape
 
 
-def _shared(element: ElementKind, table: Table, edges: Floats, mu: Floats, octants: Octants) -> Table:
+def _shared(element: ElementKind, table: Table, body: Body, mu: Floats, octants: Octants) -> Table:
     """The table on a box, (1, ...), of an element of hex27's kin as it is in cells that are cut, (u, ...)."""
     stiff = (octants.shear * mu)[octants.cut]
-    mean = np.tensordot(stiff / stiff.sum(axis=1, keepdims=True), 8.0 * octant_stabilisation(edges), axes=1)
+    mean = np.tensordot(stiff / stiff.sum(axis=1, keepdims=True), 8.0 * octant_stabilisation(body.edges), axes=1)
     mean *= SHARES[element]
     return table._replace(gradient=octants.gradient[:, None], stabilisation=mean[:, None])
 
 
-def _cut(element: ElementKind, table: Table, edges: Floats, moments: Floats) -> Table:
+def _cut(element: ElementKind, table: Table, body: Body, moments: Floats) -> Table:
     """Another element's table on a box, (1, ...), as it is in k cells with these moments (k, 8, 27), (k, ...)."""
     fill = moments[:, :, 0]
     weight = table.weight * np.einsum("bqo,co->cbq", table.share, fill)
     if FACTS[element].functions == "hex27":
         share = fill / fill.sum(axis=1, keepdims=True)
-        exact = np.einsum("co,coia->cia", share, mean_gradients(moments, edges))[:, None]
+        exact = np.einsum("co,coia->cia", share, mean_gradients(moments, body.edges))[:, None]
     else:
-        exact = mean_trilinear_gradients(moments, edges)
+        exact = mean_trilinear_gradients(moments, body.edges)
+    exact = body.axes @ exact
     mean = np.einsum("cbq,bqia->cbia", weight, table.gradient[0]) / weight.sum(axis=2)[..., None, None]
     gradient = table.gradient + (exact - mean)[:, :, None]  # eq. (2)
     return table._replace(gradient=gradient, stabilisation=np.repeat(table.stabilisation, len(fill), axis=0))

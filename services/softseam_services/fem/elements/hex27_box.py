@@ -36,8 +36,9 @@ class CellTables(NamedTuple):
     """of a cell [m^3]"""
 
 
-def cell_tables(edges: Floats, share: float = 1.0) -> CellTables:
-    """Tables for cells with these edges (3,) [m] of an element that has this share of S."""
+def cell_tables(edges: Floats, share: float = 1.0, axes: Floats | None = None) -> CellTables:
+    """Tables for cells with these edges (3,) [m] along axes (3, 3), those of the scene where None, of an element that
+    has this share of S."""
     volume = float(edges.prod())
     value, slope = np.empty(27), np.empty((27, 3))
     gradient = np.empty((27, 8, 3))
@@ -54,7 +55,7 @@ def cell_tables(edges: Floats, share: float = 1.0) -> CellTables:
                 hex27(np.array([points[i], points[j], points[k]]), value, slope)
                 g = slope * (2.0 / edges)
                 three += volume / 8.0 * weights[i] * weights[j] * weights[k] * (g @ g.T)
-    flat = gradient.reshape(27, 24)
+    flat = (gradient if axes is None else gradient @ axes.T).reshape(27, 24)
     return CellTables(flat.copy(), flat.T.copy(), share * (three - two), volume)
 
 
