@@ -55,6 +55,7 @@ class EmbeddedBackend:
             check_tables()
             compile_first(scene_from_bundle(bundle))
             self.simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
+            load_first(self.simulation)
 
     def doubts(self, scene: Scene) -> list[str]:
         from softseam.doubts import doubts
@@ -72,6 +73,7 @@ class EmbeddedBackend:
             else:
                 compile_first(scene_from_bundle(bundle))
                 self.simulation, self._bundle = self.simulation.with_scene(bundle, seed), bundle
+                load_first(self.simulation)
         self._events.clear()
         if self._record is not None:
             self._start_recording(self._record, seed)
@@ -228,6 +230,17 @@ def compile_first(scene: Scene) -> None:
         if sys.stderr.isatty():
             print("compiling the solvers for this machine, once: a minute or so", file=sys.stderr)
         compile_side_by_side(fresh)
+
+
+def load_first(simulation: Simulation) -> None:
+    """Load what a simulation's models have compiled, so that its first step does not wait for it."""
+    from softseam_services.body.body import Body
+    from softseam_services.warm_up import load_kernels
+
+    for body in simulation.bodies.values():
+        if isinstance(body.body, Body):
+            for model in body.participants.sides.models.values():
+                load_kernels(model)
 
 
 def tell_of_derivatives() -> None:

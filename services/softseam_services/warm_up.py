@@ -11,7 +11,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterable
-from functools import partial
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -176,6 +176,14 @@ def compile_side_by_side(models: Iterable[str]) -> None:
             process.kill()  # which is nothing to one that has ended
 
 
+@cache
+def load_kernels(model: str) -> None:
+    """Take a step of a small body by `model`, once a process: what a step needs is read from numba's cache then, some
+    tenths of a second that the first step of a simulation would wait for."""
+    whole = {"regions": RegionsSpec.model_validate({"default": model})}
+    _take_steps(warm_scene(model).model_copy(update=whole), steps=1)
+
+
 def settle() -> None:
     """Keep the collector of garbage away from what was loaded: it would search it again and again, for ms each time."""
     gc.collect()
@@ -197,14 +205,14 @@ def warm_particles() -> None:
         _take_steps(Scene.model_validate(scene | {"tools": ground}))
 
 
-def _take_steps(scene: Scene) -> None:
+def _take_steps(scene: Scene, steps: int = 3) -> None:
     """All that an orchestrator does with a simulation, in this process."""
     from softseam_services.orchestrator.embedded import EmbeddedTransport
     from softseam_services.orchestrator.simulation import Simulation
 
     bundle = Bundle(scene.model_dump_json(), {})
     simulation = Simulation(bundle, EmbeddedTransport(), session=SESSION, emit=lambda message: None)
-    for _ in range(3):
+    for _ in range(steps):
         simulation.step(None, fields=True)
     simulation.load(simulation.save())
     simulation.close()
