@@ -12,6 +12,7 @@ from claimed_block import sibling, write_block
 from softseam.claims.sibling import NoSibling, sibling_of
 from softseam.scenes import bundle_of
 from softseam.session import open_as_given
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import scene_json
 from softseam_protocol.scene.scene import Scene
 
@@ -50,6 +51,21 @@ def test_a_body_of_one_cell_has_a_finer_sibling(block: str) -> None:
     found = sibling(block, "body.cell=0.04")
     assert found.finer and found.settings[0] == "step=0.005" and found.settings[-1] == "body.cell=[0.02, 0.02, 0.01]"
     assert found.share > 1.0
+
+
+def test_cells_of_several_sizes_count_by_their_mean(block: str) -> None:
+    """Thinner ones at the faces, 6 x 6 x 3: the sibling has 3 x 3 x 1."""
+    found = sibling(block, "body.cell=null", "body.shape.grading=4").scene.body
+    assert isinstance(found, BodySpec)
+    assert found.cell == pytest.approx((0.04 / 3, 0.04 / 3, 0.02))
+
+
+def test_cells_that_follow_a_ball_count_as_so_many_of_one_size(block: str) -> None:
+    ball = "{kind: sphere, position: [0, 0, 0.01], radius: 0.004}"
+    inside = f"body.inclusions=[{{shape: {ball}, material: {{young: 2e5, poisson: 0.45}}}}]"
+    found = sibling(block, "body.shape.borders=materials", inside, "body.cell=0.005").scene.body
+    assert isinstance(found, BodySpec)
+    assert found.cell == pytest.approx((0.01, 0.01, 0.01))
 
 
 def test_cells_of_a_mesh_are_told_by_its_nodes() -> None:

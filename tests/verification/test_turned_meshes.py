@@ -24,10 +24,12 @@ from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.kinds import ELEMENTS, ElementKind
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
+from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import build_body
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.tight_box import tightest_axes
 from softseam_services.fem.joints import follow_roots
+from softseam_services.orchestrator.quantities import RestingBody
 
 Floats = NDArray[np.float64]
 
@@ -81,19 +83,19 @@ def squeezed(solid: tuple[Floats, solids.Triangles], turn: float, **keys: Any) -
             {"tools": ["left", "right"], "close": (GAP + 0.05 * width) / 0.2, "until": {"time": 0.2}},
             {"hold": 0.1},
         ],
-        "quantities": ["grip_force", "von_mises_p99"],
+        "quantities": ["grip_force", "von_mises_p99", "sag", "compression"],
         **keys,
     }
     return Scene.model_validate(scene), solids.obj(solid[0] @ about.T, solid[1])
 
 
-def run(scene: Scene, file: bytes) -> tuple[list[float], Frame]:
-    """Grip in each step [N], and how it ends."""
+def run(scene: Scene, file: bytes) -> tuple[list[float], dict[str, float], Frame]:
+    """Grip in each step [N], and what is measured, and how it is, in the end."""
     bundle, forces = bundle_scene(scene, {"solid.obj": file}), list[float]()
     with Session(scene, bundle, EmbeddedBackend(bundle)) as session:
         session.reset()
         session.run(lambda seen: forces.append(seen.grip_force), fields=True)
-        return forces, session.last.frames["body"]
+        return forces, dict(session.last.quantities), session.last.frames["body"]
 
 
 def built(solid: tuple[Floats, solids.Triangles], turn: Floats, **keys: Any) -> Body:
@@ -128,6 +130,16 @@ def test_its_surface_is_where_the_file_has_it() -> None:
         assert np.linalg.norm(points - corner, axis=1).min() < 1e-9
     np.testing.assert_allclose(points.min(axis=0), low - base, atol=1e-9)
     np.testing.assert_allclose(points.max(axis=0), high - base, atol=1e-9)
+
+
+def test_it_reaches_as_far_as_the_solid_does() -> None:
+    """Not as far as its cells' nodes, of which some are beyond the surface."""
+    vertices, triangles = loaf()
+    turned, body = vertices @ ANY.T, built((vertices, triangles), ANY)
+    np.testing.assert_allclose(np.ptp(bounding_points(body), axis=0), np.ptp(turned, axis=0), rtol=1e-9)
+    rest = RestingBody(body)
+    assert rest.top - rest.bottom == pytest.approx(float(np.ptp(turned[:, 2])))
+    assert float(np.ptp(body.x_rest[:, 2])) > 1.2 * (rest.top - rest.bottom)
 
 
 @pytest.mark.parametrize("element", [kind for kind in ELEMENTS if not kind.startswith("tet")])
@@ -190,8 +202,13 @@ def test_axes_stay_where_a_box_around_the_solid_is_hardly_tighter() -> None:
 )
 def test_forces_and_stress_turn_with_it(solid: Any, regions: dict[str, Any], off: float) -> None:
     """Cells along the scene's axes: 1.4 to 1.6 times as many, and a force that is another one by .5 to 2 %."""
-    (straight, as_drawn), (turned, as_turned) = (run(*squeezed(solid(), turn, regions=regions)) for turn in (0.0, TURN))
+    (straight, measured, as_drawn), (turned, measured_turned, as_turned) = (
+        run(*squeezed(solid(), turn, regions=regions)) for turn in (0.0, TURN)
+    )
     assert turned == pytest.approx(straight, rel=off, abs=off * max(straight))
+    assert measured_turned["compression"] == pytest.approx(measured["compression"], abs=1e-9)
+    assert measured_turned["sag"] == pytest.approx(measured["sag"], abs=5e-6)
+    assert measured_turned["von_mises_p99"] == pytest.approx(measured["von_mises_p99"], rel=5 * off)
     stress = [np.sort(von_mises(frame.cauchy).ravel()) for frame in (as_drawn, as_turned)]
     np.testing.assert_allclose(stress[1], stress[0], atol=5 * off * stress[0].max())
 

@@ -36,8 +36,8 @@ LONGER = 2.0
 """how many times as long as the run's its cells and steps are [1]"""
 BOTH = 2.0
 """what a step of both models takes over one of FEM alone, roughly [1]"""
-_ORTHOGONAL = 1e-6
-"""cosine of an angle that counts as a right one [1]"""
+_ORTHOGONAL, _APART = 1e-6, 1e-6
+"""cosine of an angle that counts as a right one, and of the body's extent what nodes of two planes are apart [1]"""
 LARGEST_SHARE = 0.4
 """of the run's time that a sibling may take unasked [1]"""
 
@@ -65,7 +65,7 @@ def sibling_of(scene: Scene, frames: Mapping[str, Frame]) -> Sibling:
     if len(bodies) < len(scene.bodies):
         raise NoSibling("bodies of particles have no cells to compare with longer ones")
     edges = {name: cell_edges(body, frames[name]) for name, body in bodies.items()}
-    counts = {name: _counts(frames[name], edges[name]) for name in bodies}
+    counts = {name: _counts(body, frames[name], edges[name]) for name, body in bodies.items()}
     finer = all(bool((count == 1).all()) for count in counts.values())
     factor = 1.0 / LONGER if finer else LONGER
     settings = [f"step={factor * scene.step:.12g}"]
@@ -108,27 +108,32 @@ def cell_edges(body: BodySpec, frame: Frame) -> Floats:
         return np.asarray(size / np.maximum(1, np.rint(size / wanted)))
     if isinstance(body.shape, MeshShape) and body.shape.cells != "boxes":
         raise NoSibling("the mesh brings its own cells: body.shape.cells: boxes lets its solid lie in longer ones")
-    return np.asarray(2.0 * np.linalg.norm(_spacings(frame), axis=0))
+    # nodes are half an edge apart, in the mean
+    at = np.sort(_along_axes(body, frame), axis=0)
+    extent = at[-1] - at[0]
+    planes = 1 + (np.diff(at, axis=0) > _APART * extent).sum(axis=0)
+    return np.asarray(2.0 * extent / (planes - 1))
 
 
-def _counts(frame: Frame, edges: Floats) -> Floats:
+def _counts(body: BodySpec, frame: Frame, edges: Floats) -> Floats:
     """Cells along x, y and z, or along the axes next to these where a mesh's lie turned (3,)."""
-    spacings = _spacings(frame)
-    along = spacings / np.linalg.norm(spacings, axis=0)
-    return np.asarray(np.rint(np.ptp(frame.x @ along, axis=0) / edges))
+    return np.asarray(np.rint(np.ptp(_along_axes(body, frame), axis=0) / edges))
 
 
-def _spacings(frame: Frame) -> Floats:
-    """From a node at rest to the next one along each axis of its lattice, as columns, the one next to x first (3, 3).
+def _along_axes(body: BodySpec, frame: Frame) -> Floats:
+    """Where nodes are along x, y and z, of a mesh along the axes of its lattice, the one next to x first (N, 3) [m].
 
-    Of all that is orthogonal to the shortest way to another node, and then to both, the shortest is along an axis.
+    Of all ways from a node to another that are orthogonal to the shortest, and then to both, the shortest is along an
+    axis.
     """
+    if isinstance(body.shape, BlockShape):
+        return frame.x
     away = frame.x[1:] - frame.x[0]
     found: list[Floats] = []
     for _ in range(3):
         length = np.linalg.norm(away, axis=1)
-        found.append(away[np.argmin(length)])
-        along = np.abs(away @ found[-1]) / np.linalg.norm(found[-1])
-        away = away[along < _ORTHOGONAL * length]
-    spacings = np.array(found).T
-    return np.asarray(spacings[:, nearest_axes(spacings / np.linalg.norm(spacings, axis=0))])
+        shortest = int(np.argmin(length))
+        found.append(away[shortest] / length[shortest])
+        away = away[np.abs(away @ found[-1]) < _ORTHOGONAL * length]
+    axes = np.array(found).T
+    return np.asarray(frame.x @ axes[:, nearest_axes(axes)])

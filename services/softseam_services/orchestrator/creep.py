@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Advanced
+from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.orchestrator.whereabouts import box_of
@@ -63,7 +64,7 @@ class Creep:
 
     def __init__(self, body: AnyBody, tools: ToolSet, dt: float, tell: Tell) -> None:
         self._tell, self._dt = tell, dt
-        self._size = float(np.ptp(body.x_rest, axis=0).max())
+        self._size = float(np.ptp(bounding_points(body), axis=0).max())
         self._mass = float(body.total_mass)
         n_looks = max(_LOOKS, math.ceil(_TIME / dt)) + 1
         friction = float(tools.friction.min(initial=np.inf))

@@ -33,6 +33,7 @@ from softseam_protocol.scene.motion import ClosePhase, MovePhase
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import PlaneTool, ToolSpec
 from softseam_services.body.body import Body, Material
+from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.grip import Grip, nearest_body
 from softseam_services.orchestrator.program import Progress
@@ -196,7 +197,7 @@ def _drives(scene: Scene, bodies: Sequence[AnyBody], grips: Mapping[int, Grip]) 
                 body = nearest_body(bodies, np.array(spec.position))
                 if not isinstance(body, Body):
                     continue
-                width = float(np.ptp(body.x_rest @ way))
+                width = float(np.ptp(bounding_points(body) @ way))
                 stiffness = _stiffness(body, width, scene.step)
                 added, added_damping = _added(body, way, width, scene.step)
                 tool, mass, limit = (names.index(name),), _mass(spec), _limit(spec)

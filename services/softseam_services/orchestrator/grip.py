@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
+from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
 from softseam_services.tools.extent import extent_along
 from softseam_services.tools.kernels import rotate, rotate_back
@@ -39,7 +40,7 @@ class Grip:
     def build(cls, tools: ToolSet, first: int, second: int, body: AnyBody) -> Grip:
         way = tools.position[second] - tools.position[first]
         axis = np.asarray(way / np.linalg.norm(way))
-        along = body.x_rest @ axis
+        along = bounding_points(body) @ axis
         turns = tools.orientation
         thickness = extent_along(tools, first, axis, turns[first]) + extent_along(tools, second, -axis, turns[second])
         upright = turns[first].tolist()
@@ -83,7 +84,8 @@ def nearest_body(bodies: Sequence[AnyBody], point: Floats) -> AnyBody:
         return bodies[0]
 
     def far(body: AnyBody) -> tuple[float, float]:
-        low, high = body.x_rest.min(axis=0), body.x_rest.max(axis=0)
+        points = bounding_points(body)
+        low, high = points.min(axis=0), points.max(axis=0)
         outside = np.linalg.norm(np.maximum(0.0, np.maximum(low - point, point - high)))
         return float(outside), float(np.linalg.norm(0.5 * (low + high) - point))
 

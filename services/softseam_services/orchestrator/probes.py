@@ -14,6 +14,7 @@ from softseam_protocol.scene.spec import Vector
 from softseam_protocol.table import Table
 from softseam_services.body import tetrahedron
 from softseam_services.body.body import Body
+from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
 from softseam_services.body.errors import MeshError
 from softseam_services.body.interpolate import hex27
@@ -135,7 +136,8 @@ def place_of(body: Body, name: str, at: Floats) -> tuple[int, int, Floats]:
 
 
 def _not_inside(body: Body, name: str, at: Floats) -> MeshError:
+    points = bounding_points(body)
     return MeshError(
-        f"probes.{name}: {at.tolist()} is not in the body, which spans {body.x_rest.min(axis=0).tolist()} "
-        f"to {body.x_rest.max(axis=0).tolist()} at rest: name a point inside"
+        f"probes.{name}: {at.tolist()} is not in the body, which spans {points.min(axis=0).tolist()} "
+        f"to {points.max(axis=0).tolist()} at rest: name a point inside"
     )

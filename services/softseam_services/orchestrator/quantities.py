@@ -19,8 +19,8 @@ from softseam_protocol.messages.session import Frame
 from softseam_protocol.quantities import PROBED, QUANTITIES
 from softseam_protocol.table import Table
 from softseam_services.body.body import Body
+from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
-from softseam_services.body.interpolate import rest_points
 from softseam_services.body.tetrahedron import SHARES
 from softseam_services.orchestrator.indicators import energy_error, root_mean_square
 from softseam_services.orchestrator.probes import PROBE_MEASUREMENTS
@@ -35,7 +35,8 @@ class RestingBody:
 
     def __init__(self, body: AnyBody) -> None:
         self.body = body
-        low, high = body.x_rest.min(axis=0), body.x_rest.max(axis=0)
+        points = bounding_points(body)
+        low, high = points.min(axis=0), points.max(axis=0)
         self.centre: Floats = 0.5 * (low + high)
         self.bottom, self.top = float(low[2]), float(high[2])
         """[m]"""
@@ -52,7 +53,7 @@ class RestingBody:
         """Node in the middle of the end farthest from what is fixed, and its place (3,) [m]; without any, of the +x
         end. Where the body is cut, a surface point."""
         body = self.body
-        places = rest_points(body) if isinstance(body, Body) and body.cut else body.x_rest
+        places = bounding_points(body)
         clamped = body.x_rest[body.fixed]
         away = np.array([1.0, 0.0, 0.0])
         if len(clamped):

@@ -12,6 +12,7 @@ from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.participant import Advanced, Bundle, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, Frame
 from softseam_services.body.body import Body
+from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.creep import Creep
@@ -219,10 +220,10 @@ class SimulatedBody:
 
 
 def _standing(body: AnyBody) -> float:
-    """Weight of a body in cells times the height of its centre above its lowest node, against gravity, at rest [J]."""
+    """Weight of a body in cells times the height of its centre above its lowest point, against gravity, at rest [J]."""
     if not isinstance(body, Body):
         return 0.0
     mass = np.zeros(body.n_nodes)
     np.add.at(mass, body.cell_nodes, body.cell_mass)
-    height = -(body.x_rest @ body.gravity)
-    return float(mass @ (height - height.min()))
+    height, lowest = -(body.x_rest @ body.gravity), -float((bounding_points(body) @ body.gravity).max())
+    return float(mass @ (height - lowest))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Advanced
 from softseam_services.body.body import Body
+from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.shapes.branches import BOX, PLANE
@@ -45,7 +46,8 @@ class Whereabouts:
 
     def __init__(self, body: AnyBody, tools: ToolSet, tell: Tell) -> None:
         self._tools, self._tell = tools, tell
-        self._low, self._high = body.x_rest.min(axis=0), body.x_rest.max(axis=0)
+        points = bounding_points(body)
+        self._low, self._high = points.min(axis=0), points.max(axis=0)
         self._size = float((self._high - self._low).max())
         self._gravity = np.asarray(body.gravity)
         solid = isinstance(body, Body) or body.kind == "tet_mesh"
