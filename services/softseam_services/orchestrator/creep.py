@@ -84,7 +84,7 @@ class Creep:
         if self._told or not self._may:
             return
         before, self._poses = self._poses, (position, orientation)
-        if before is None or not all(map(np.array_equal, before, self._poses)):
+        if before is None or not all((then == now).all() for then, now in zip(before, self._poses, strict=True)):
             self._seen.clear()
             return
         self._seen.append(self._see(replies))

@@ -34,6 +34,8 @@ class Entry:
     """about the world's origin (3,) [kg m^2/s]"""
     penetration: float
     """[m]"""
+    drive_work: float
+    """what the tools' motion put in [J]"""
 
 
 class EnergyBalance:
@@ -108,7 +110,7 @@ class EnergyBalance:
             "dissipation": dissipation,
             "switch": switch,
         }
-        return Entry(parts, interfaces, energy, momentum, angular, penetration)
+        return Entry(parts, interfaces, energy, momentum, angular, penetration, drive_work)
 
     def share_of_switch(self, change: float) -> float:
         """A switch's change of energy [J] over the body's [1]; beyond `SWITCH_LIMIT` it is better not made."""

@@ -57,10 +57,11 @@ class Pierced:
         position     of the tools (t, 3) [m]; orientation (t, 4)
         see          returns the points of the body's surface (P, 3) [m]
         """
-        if self._told.all():
+        idle = ~(wrench.any(axis=1) | self._told)
+        if not idle.any():
             return
         away = np.maximum(bounds[0] - position, position - bounds[1]).max(axis=1)
-        idle = ~(wrench.any(axis=1) | self._told | (away > self._tools.reach))
+        idle &= away <= self._tools.reach
         points: Floats | None = None
         for tool in np.flatnonzero(idle).tolist():
             turn = np.array([rotate(orientation[tool], *axis) for axis in np.eye(3)])

@@ -25,7 +25,6 @@ def step_report(
     quantities: dict[str, float],
     entries: Mapping[str, Entry],
     command: Floats,
-    dt: float,
     seconds: dict[str, float],
     done: bool,
     estimate: ErrorEstimate | None,
@@ -34,7 +33,6 @@ def step_report(
 
     wrench   of all bodies on the tools (t, 6) [N, N m]
     command  velocities of the tools (t, 6) [m/s, rad/s]
-    dt       length of the step [s]
     """
     parts: dict[str, PartReport] = {}
     interfaces: dict[str, InterfaceReport] = {}
@@ -47,7 +45,7 @@ def step_report(
         energy = {name: value + entry.energy[name] for name, value in energy.items()}
         momentum = momentum + entry.momentum
         angular = angular + entry.angular_momentum
-    drive_work = work_of_drive(wrench, command, dt)
+    drive_work = sum(entry.drive_work for entry in entries.values())
     energy |= {"drive_work": drive_work, "contact_loss": drive_work - energy["tool_work"]}
     return StepReport(
         header,

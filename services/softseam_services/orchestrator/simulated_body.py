@@ -76,7 +76,7 @@ class SimulatedBody:
         """whether some of its quantities need fields"""
         self.wants_indicators = self._quantities.need_indicators
         """whether some need the participants' error indicators"""
-        self._near = np.array(setup.tools.near, dtype=np.bool_)
+        self._near = np.flatnonzero(setup.tools.near).tolist()
         self._lift_base, self._slip, self._felt = 0.0, 0.0, False
 
     def reset(self) -> None:
@@ -135,7 +135,8 @@ class SimulatedBody:
         grip_force = self._quantities.grip_force(wrench, orientation)
         rise = height - self._lift_base
         found = self._quantities.measure(replies, grip_force, position, orientation, frame, rise)
-        felt = bool(wrench[self._near].any())
+        forces = wrench.tolist()
+        felt = any(any(forces[tool]) for tool in self._near)
         if felt and (found["slip"] > 0.0 or not self._felt):  # else it was lost within the step
             self._slip = found["slip"]
         found["slip"], self._felt = self._slip, felt

@@ -237,7 +237,6 @@ class Simulation:
             quantities=quantities,
             entries=entries,
             command=move.command,
-            dt=self.scene.step,
             seconds=self._stopwatch.read(),
             done=done,
             estimate=worst(estimates),

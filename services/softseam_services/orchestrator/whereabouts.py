@@ -78,7 +78,7 @@ class Whereabouts:
         """A step was taken, at whose end the tools have these poses (t, 3) [m], (t, 4)."""
         low, high = box_of(list(replies.values()))
         middle = 0.5 * (low + high)
-        if not np.isfinite(middle).all():
+        if not all(map(math.isfinite, middle.tolist())):
             return
         for tool in self._holding:
             if tool not in self._behind:
@@ -107,11 +107,12 @@ class Whereabouts:
     def _across(self, tool: int, middle: Floats, position: Floats, orientation: Floats) -> float | None:
         """How far the body's middle is on one side of a tool, negative on the other [m]; 0 inside a plate, and None
         where it is beside one."""
-        at = np.array(rotate_back(orientation[tool], *(middle - position[tool])))
-        shape = self._tools.shape[tool, :3]
+        (x, y, z), (px, py, pz) = middle.tolist(), position[tool].tolist()
+        at = rotate_back(orientation[tool], x - px, y - py, z - pz)
+        shape = self._tools.shape[tool, :3].tolist()
         if self._tools.kind[tool] == PLANE:
-            return float(at @ shape)
-        thin = int(shape.argmin())
+            return float(at[0] * shape[0] + at[1] * shape[1] + at[2] * shape[2])
+        thin = shape.index(min(shape))
         if any(abs(at[axis]) > shape[axis] for axis in range(3) if axis != thin):
             return None
         return float(at[thin]) if abs(at[thin]) > shape[thin] else 0.0
