@@ -18,7 +18,7 @@ from softseam_services.body.interpolate import point_weights
 from softseam_services.body.outer_faces import outer_faces
 from softseam_services.shapes.branches import CYLINDER
 from softseam_services.tools.face_points import FacePoints, face_points, round_tools
-from softseam_services.tools.kernels import DENSE, LIGHT, sag_by
+from softseam_services.tools.kernels import DENSE, LIGHT, WIDE, sag_by
 from softseam_services.tools.tool_set import ToolSet
 
 THINNEST = 0.125
@@ -71,10 +71,16 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
         ),
         np.concatenate([touches, np.tile(between, (len(inner.cell), 1))]),
         np.concatenate([give, h / (DENSE * _young(body, region, inner) * inner.area)]),
-        np.concatenate([lag, (1.0 - LIGHT / DENSE) * sag_by(tools.half_width, h[:, None])]),
+        np.concatenate([lag, (1.0 - LIGHT / DENSE) * _sag(tools.half_width, h[:, None])]),
         inner.outward,
         np.arange(len(touches) + len(inner.cell), dtype=np.int32),
     )
+
+
+def _sag(half_width: Floats, h: Floats) -> Floats:
+    """s of tools/kernels/patch.py [m], of tools of half width R [m] on blocks of edge h [m]. It is (R/h)^(1/3) times
+    FEM's under what is wider than a block, as forces of balls and rods ask for (docs/decisions/43)."""
+    return np.asarray(np.clip(half_width / h, 1.0, WIDE) ** (1.0 / 3.0) * sag_by(half_width, h))
 
 
 def _by_colours(body: Body, region: Region, indptr: Ints, node: Ints) -> Ints:
