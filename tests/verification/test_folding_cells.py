@@ -30,8 +30,8 @@ models: {fem: {element: hex27_reduced}}
 
 
 def test_the_force_on_an_arm_that_folds_does_not_jitter(tmp_path: Path) -> None:
-    """Second differences of the grip from step to step: one is large, as the pads meet the arms. With shares that
-    follow at once thirteen were, of up to a fifth of the force, and energy came from nowhere."""
+    """Second differences of the grip from step to step: three are large, as the pads meet the arms and as they stop.
+    With shares that follow at once thirteen were, of up to a fifth of the force, and energy came from nowhere."""
     (tmp_path / "star.obj").write_bytes((Path(__file__).parents[1] / "meshes" / "star.obj").read_bytes())
     path = tmp_path / "star.yaml"
     path.write_text(STAR)
@@ -47,5 +47,5 @@ def test_the_force_on_an_arm_that_folds_does_not_jitter(tmp_path: Path) -> None:
         session.run(see)
     jumps = np.abs(np.diff(force, 2)) / 0.33
     assert any(event.kind == "cells" for event in told)
-    assert (jumps > 0.03).sum() <= 2 and jumps.max() < 0.1
+    assert (jumps > 0.03).sum() <= 3 and jumps.max() < 0.1
     assert not any(event.kind == "energy" for event in told)

@@ -67,7 +67,8 @@ class Material:
 class Surface:
     """Points of the true surface: contact, display and stress read-out happen here (P points, T triangles).
 
-    On a block the points are the lattice nodes of the surface (each weight is one node).
+    On a block the points are the lattice nodes of the surface (each weight is one node). On a surface that runs through
+    cells tools press points that are corners of no triangle, and edges of the solid (`surface_points`).
     """
 
     cell: Ints

@@ -16,7 +16,7 @@ from softseam_services.body.mesh_io import read_surface
 from softseam_services.body.one_body import choices, closed_bodies, take_body, without_dust
 from softseam_services.body.repair import repair
 from softseam_services.body.surface_check import check_surface
-from softseam_services.body.surface_points import contact_shares, refine, vertex_shares
+from softseam_services.body.surface_points import contact_points, refine
 from softseam_services.body.units import check_extent, unit_guess
 
 _ON_PLANE = 1e-9
@@ -25,9 +25,11 @@ DROPPED = 1e-6
 """cells emptier than this that carry no surface point are left out; their mass is spread over the others"""
 _MOST_CELLS = 200_000
 _CELLS_AGREE = 1e-6
+_DRAWN = 0.5
+"""longest edge of the surface's triangles, in edges of a cell"""
 _SPACING = 0.25
-"""longest edge of the surface's triangles, in edges of a cell: so many points that none of a cell's freedoms passes
-between them (docs/decisions/45); where a file has more, those closer than half of that count as one"""
+"""the same where tools press it: so many points that none of a cell's freedoms passes between them (docs/decisions/45);
+where a file has more, those closer than half of that count as one"""
 
 
 @dataclass(frozen=True)
@@ -109,9 +111,10 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats, axes: Floa
         )
     moments = moments_of(vertices, triangles, counts)
     fill = moments[..., 0]
-    vertices, triangles = refine(vertices, triangles, _SPACING * float(edges.min()))
+    vertices, triangles = refine(vertices, triangles, _DRAWN * float(edges.min()))
+    points, area, normal = contact_points(vertices, triangles, _SPACING * float(edges.min()))
     cell_fill = fill_of_cells(fill)
-    carrier, local = _carry(vertices, corner, size, counts, cell_fill)
+    carrier, local = _carry(points, corner, size, counts, cell_fill)
     kept = cell_fill > DROPPED
     kept[carrier[:, 0], carrier[:, 1], carrier[:, 2]] = True
 
@@ -120,14 +123,11 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats, axes: Floa
     number[cell_grid[:, 0], cell_grid[:, 1], cell_grid[:, 2]] = np.arange(len(cell_grid))
     carries = number[carrier[:, 0], carrier[:, 1], carrier[:, 2]]
     by_cell = np.argsort(carries, kind="stable")  # kernels take the points of a cell together
-    vertices, carries, local = vertices[by_cell], carries[by_cell], local[by_cell]
     triangles = np.argsort(by_cell).astype(np.int32)[triangles]
-    area, normal = vertex_shares(vertices, triangles)
     octants_of = moments.reshape(counts[0], 2, counts[1], 2, counts[2], 2, 27).transpose(0, 2, 4, 5, 3, 1, 6)
     in_cells = octants_of[cell_grid[:, 0], cell_grid[:, 1], cell_grid[:, 2]].reshape(-1, 8, 27)
 
-    share = contact_shares(vertices, area, normal, 0.5 * _SPACING * float(edges.min()))
-    surface = Surface(carries, local, share, normal @ axes.T, triangles)
+    surface = Surface(carries[by_cell], local[by_cell], area[by_cell], normal[by_cell] @ axes.T, triangles)
     x_rest = (corner + size * (node_grid / (2.0 * counts))) @ axes.T
     spread = float(fill.sum()) / float(in_cells[:, :, 0].sum())
     return Embedded(x_rest, cell_nodes, cell_grid, edges, in_cells, spread, surface, axes)
@@ -150,14 +150,14 @@ def fill_of_cells(fill: Floats) -> Floats:
     return np.asarray(fill.reshape(nx, 2, ny, 2, nz, 2).mean(axis=(1, 3, 5)))
 
 
-def _carry(vertices: Floats, corner: Floats, size: Floats, counts: Ints, cell_fill: Floats) -> tuple[Ints, Floats]:
-    """Cell (n, 3) that carries each vertex and local coordinates (n, 3) in [-1, 1].
+def _carry(points: Floats, corner: Floats, size: Floats, counts: Ints, cell_fill: Floats) -> tuple[Ints, Floats]:
+    """Cell (n, 3) that carries each point and local coordinates (n, 3) in [-1, 1].
 
-    A vertex on a plane between cells goes to the fuller one, so that no empty cell is kept for its sake.
+    A point on a plane between cells goes to the fuller one, so that no empty cell is kept for its sake.
     """
-    position = np.clip((vertices - corner) * (counts / size), 0.0, counts)
-    best_cell = np.zeros((len(vertices), 3), dtype=np.int32)
-    best_fill = np.full(len(vertices), -1.0)
+    position = np.clip((points - corner) * (counts / size), 0.0, counts)
+    best_cell = np.zeros((len(points), 3), dtype=np.int32)
+    best_fill = np.full(len(points), -1.0)
     for shift in np.ndindex(2, 2, 2):
         moved = position + _ON_PLANE * (1.0 - 2.0 * np.array(shift))
         cell = np.clip(np.floor(moved), 0, counts - 1).astype(np.int32)

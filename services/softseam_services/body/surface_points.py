@@ -1,11 +1,17 @@
-"""Points of an embedded surface: refined to the lattice spacing, with areas, normals and contact shares."""
+"""Points of an embedded surface: refined to a spacing, with areas and normals, and where tools press them."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.surface_check import triangle_areas
+
+Mask = NDArray[np.bool_]
+
+_NO_CREASE = 0.9
+"""cosine of the angle by which a triangle is turned from the normal of its corner, 26 degrees"""
 
 
 def refine(vertices: Floats, triangles: Ints, longest: float) -> tuple[Floats, Ints]:
@@ -63,22 +69,59 @@ def vertex_shares(vertices: Floats, triangles: Ints) -> tuple[Floats, Floats]:
     return area, normal / length
 
 
-def contact_shares(vertices: Floats, area: Floats, normal: Floats, spacing: float) -> Floats:
-    """Gather areas of vertices that are much closer than `spacing` [m] at one of them; the rest is for display, 0 (n,).
+def contact_points(vertices: Floats, triangles: Ints, longest: float) -> tuple[Floats, Floats, Floats]:
+    """The vertices of a surface, then points at which tools press it: where they are (n + k, 3) [m], what areas they
+    stand for (n + k,) [m^2], and unit normals (n + k, 3).
 
-    Vertices in the same voxel that face the same way (largest component of the normal, with its sign) form a group;
-    the one nearest to the group's centroid keeps its area.
+    Triangles are split until no edge is longer than `longest` [m], and a point stands for what is nearest to a vertex
+    then. It is the middle of that, so that a pressure that varies linearly is summed exactly: vertices stick out of a
+    surface of facets, and would bear too much. On creases vertices are pressed where they are; all others are for
+    display, area 0. Where vertices are much closer than `longest`, those in the same voxel of half of it that face the
+    same way (largest component of the normal, with its sign) share one point.
     """
-    voxel = np.floor((vertices - vertices.min(axis=0)) / spacing).astype(np.int64)
+    n = len(vertices)
+    vertices, triangles = refine(vertices, triangles, longest)
+    area, normal = vertex_shares(vertices, triangles)
+    smooth = _smooth(vertices, triangles, normal)
+    middles = np.where(smooth[:, None], _middles(vertices, triangles, area), vertices)
+    voxel = np.floor((vertices - vertices.min(axis=0)) / (0.5 * longest)).astype(np.int64)
     axis = np.abs(normal).argmax(axis=1)
     facing = 2 * axis + (normal[np.arange(len(normal)), axis] > 0.0)
-    _, group = np.unique(np.column_stack([voxel, facing]), axis=0, return_inverse=True)
+    _, group = np.unique(np.column_stack([voxel, facing, smooth]), axis=0, return_inverse=True)
     group = group.ravel()
     total = np.bincount(group, weights=area)
-    centroid = np.stack([np.bincount(group, weights=area * vertices[:, c]) for c in range(3)], axis=1) / total[:, None]
-    distance = np.linalg.norm(vertices - centroid[group], axis=1)
+    middle = np.stack([np.bincount(group, weights=area * middles[:, c]) for c in range(3)], axis=1) / total[:, None]
+    distance = np.linalg.norm(vertices - middle[group], axis=1)
     order = np.lexsort((np.arange(len(group)), distance, group))
-    leader = order[np.concatenate([[True], group[order][1:] != group[order][:-1]])]
-    shares = np.zeros(len(vertices))
-    shares[leader] = total
-    return shares
+    nearest = order[np.concatenate([[True], group[order][1:] != group[order][:-1]])]
+    places = np.where(smooth[nearest, None], middle, vertices[nearest])
+    added = smooth[nearest] | (nearest >= n)
+    shares = np.zeros(n)
+    shares[nearest[~added]] = total[~added]
+    return (
+        np.concatenate([vertices[:n], places[added]]),
+        np.concatenate([shares, total[added]]),
+        np.concatenate([normal[:n], normal[nearest[added]]]),
+    )
+
+
+def _smooth(vertices: Floats, triangles: Ints, normal: Floats) -> Mask:
+    """Whether all triangles around a vertex face as it does, but for what is no crease (n,)."""
+    vectors = triangle_areas(vertices, triangles)
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    unit = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0.0)
+    along = np.where(length > 0.0, np.einsum("ti,tki->tk", unit, normal[triangles]), 1.0)
+    least = np.ones(len(vertices))
+    np.minimum.at(least, triangles, along)
+    return least > _NO_CREASE
+
+
+def _middles(vertices: Floats, triangles: Ints, area: Floats) -> Floats:
+    """Middle of what lies nearest to each vertex, between the midlines of the triangles around it (n, 3) [m]."""
+    third = np.linalg.norm(triangle_areas(vertices, triangles), axis=1) / 3.0
+    corners = vertices[triangles]
+    # two triangles, corner, middle of a side, middle of all, make that third: 11/18 of the corner, 7/36 of each other
+    middles = (15.0 * corners + 7.0 * corners.sum(axis=1, keepdims=True)) / 36.0
+    moment = np.zeros_like(vertices)
+    np.add.at(moment, triangles, third[:, None, None] * middles)
+    return np.divide(moment, area[:, None], out=vertices.copy(), where=area[:, None] > 0.0)
