@@ -14,6 +14,7 @@ from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body import embed
+from softseam_services.body.body import Body
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -96,7 +97,9 @@ def test_penetration_is_that_of_the_surface(model: str, cell: float, young: floa
     """A ball rests on the ground: its lowest point was .5 to 4 mm below it, and the report said less than 1 um."""
     simulation, report = simulate(BALL, cell, model, young, tools={"ground": {"kind": "plane"}}, duration=1.0)
     height = simulation.frame().point_x[:, 2]
-    pressed = simulation.only.body.surface.area > 0.0
+    body = simulation.only.body
+    assert isinstance(body, Body)
+    pressed = body.surface.area > 0.0
     lowest = float(height[pressed].min())
     assert -lowest == pytest.approx(report.penetration, rel=0.1)
     assert -1.5e-3 < lowest < 0.0
