@@ -30,16 +30,18 @@ models: {fem: {element: hex27_reduced}}
 
 
 def test_the_force_on_an_arm_that_folds_does_not_jitter(tmp_path: Path) -> None:
-    """Second differences of the grip from step to step: three are large, as the pads meet the arms and as they stop.
+    """Second differences of the grip from step to step: they are large only as the pads meet the arms and as they stop.
     With shares that follow at once thirteen were, of up to a fifth of the force, and energy came from nowhere."""
     (tmp_path / "star.obj").write_bytes((Path(__file__).parents[1] / "meshes" / "star.obj").read_bytes())
     path = tmp_path / "star.yaml"
     path.write_text(STAR)
     force: list[float] = []
+    phase: list[int] = []
     told: list[Event] = []
 
     def see(seen: Observation) -> None:
         force.append(seen.grip_force)
+        phase.append(seen.report.phase)
         told.extend(seen.events)
 
     with open_as_given(path) as session:
@@ -47,5 +49,8 @@ def test_the_force_on_an_arm_that_folds_does_not_jitter(tmp_path: Path) -> None:
         session.run(see)
     jumps = np.abs(np.diff(force, 2)) / 0.33
     assert any(event.kind == "cells" for event in told)
-    assert (jumps > 0.03).sum() <= 3 and jumps.max() < 0.1
+    meet, stop = int(np.argmax(np.array(force) > 0.0)), int(np.argmax(np.array(phase) > 0))
+    step = np.arange(len(jumps)) + 1  # in the middle of each difference
+    elsewhere = (np.abs(step - meet) > 2) & (np.abs(step - stop) > 2)
+    assert jumps[elsewhere].max() < 0.03 and jumps.max() < 0.1
     assert not any(event.kind == "energy" for event in told)

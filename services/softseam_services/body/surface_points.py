@@ -106,7 +106,7 @@ def contact_points(vertices: Floats, triangles: Ints, longest: float) -> tuple[F
 
 
 def _smooth(vertices: Floats, triangles: Ints, normal: Floats) -> Mask:
-    """Whether all triangles around a vertex face as it does, but for what is no crease (n,)."""
+    """Whether no triangle around a vertex is turned from the vertex's normal as far as at a crease (n,)."""
     vectors = triangle_areas(vertices, triangles)
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     unit = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0.0)
@@ -117,11 +117,13 @@ def _smooth(vertices: Floats, triangles: Ints, normal: Floats) -> Mask:
 
 
 def _middles(vertices: Floats, triangles: Ints, area: Floats) -> Floats:
-    """Middle of what lies nearest to each vertex, between the midlines of the triangles around it (n, 3) [m]."""
+    """Centroid of what lies nearest to each vertex: of each triangle around it a third, which its medians bound
+    (n, 3) [m]."""
     third = np.linalg.norm(triangle_areas(vertices, triangles), axis=1) / 3.0
     corners = vertices[triangles]
-    # two triangles, corner, middle of a side, middle of all, make that third: 11/18 of the corner, 7/36 of each other
-    middles = (15.0 * corners + 7.0 * corners.sum(axis=1, keepdims=True)) / 36.0
+    # a third is two triangles, each of the corner, a side's middle and the centroid; its own centroid has weights 11/18
+    # of the corner and 7/36 of each other one
+    centroids = (15.0 * corners + 7.0 * corners.sum(axis=1, keepdims=True)) / 36.0
     moment = np.zeros_like(vertices)
-    np.add.at(moment, triangles, third[:, None, None] * middles)
+    np.add.at(moment, triangles, third[:, None, None] * centroids)
     return np.divide(moment, area[:, None], out=vertices.copy(), where=area[:, None] > 0.0)
