@@ -7,6 +7,7 @@ import pytest
 import solids
 
 from softseam_services.body.body import Ints
+from softseam_services.body.embed import embed
 from softseam_services.body.surface_check import triangle_areas
 from softseam_services.body.surface_points import contact_points
 
@@ -16,7 +17,7 @@ STRETCHES = [(1.0, 1.0, 1.0), (1.0, 1.7, 0.6), (0.5, 1.0, 2.0)]
 
 def pressed(vertices: solids.Floats, triangles: Ints, longest: float) -> tuple[solids.Floats, solids.Floats]:
     """Areas (k,) and places (k, 3) of what tools press."""
-    places, area, _ = contact_points(vertices, triangles, longest)
+    places, area, *_ = contact_points(vertices, triangles, longest)
     assert (places[: len(vertices)] == vertices).all()
     return area[area > 0.0], places[area > 0.0]
 
@@ -63,3 +64,19 @@ def test_edges_and_corners_are_pressed_where_they_are(size: tuple[float, float, 
     for corner in vertices:
         assert (places == corner).all(axis=1).any()
     assert area.sum() == pytest.approx(areas_of(vertices, triangles).sum())
+
+
+@pytest.mark.parametrize("cell", [0.005, 0.01, 0.02])
+def test_no_empty_cell_is_kept_for_a_point_inside_a_fold(cell: float) -> None:
+    """A step with a slope of 45 degrees: at its foot, a line of the lattice, what is nearest to a vertex has its middle
+    above the flat part, where no cell is filled."""
+    width = 0.06
+    profile = 0.02 * np.array([[-3, 0], [3, 0], [3, 3], [2, 3], [0, 1], [-3, 1]])
+    vertices = np.concatenate([np.insert(profile, 1, y, axis=1) for y in (0.0, width)])
+    front = [(0, 1, 4), (0, 4, 5), (1, 2, 3), (1, 3, 4)]
+    sides = [((i, i + 6, j + 6), (i, j + 6, j)) for i, j in zip(range(6), [1, 2, 3, 4, 5, 0], strict=True)]
+    back = [(a + 6, c + 6, b + 6) for a, b, c in front]
+    triangles = np.array([*front, *back, *(one for two in sides for one in two)], dtype=np.int32)
+    embedded = embed("step.obj", vertices, triangles, np.full(3, cell))
+    assert embedded.moments[:, :, 0].sum(axis=1).min() > 0.1
+    assert embedded.surface.area.sum() == pytest.approx(areas_of(vertices, triangles).sum())

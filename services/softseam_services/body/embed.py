@@ -112,10 +112,13 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats, axes: Floa
     moments = moments_of(vertices, triangles, counts)
     fill = moments[..., 0]
     vertices, triangles = refine(vertices, triangles, _DRAWN * float(edges.min()))
-    points, area, normal = contact_points(vertices, triangles, _SPACING * float(edges.min()))
+    points, area, normal, vertex_of = contact_points(vertices, triangles, _SPACING * float(edges.min()))
     cell_fill = fill_of_cells(fill)
-    carrier, local = _carry(points, corner, size, counts, cell_fill)
     kept = cell_fill > DROPPED
+    carrier, local = _carry(points, corner, size, counts, cell_fill)
+    # inside a concave fold the middle of what a point stands for is outside the solid, where there may be no cell
+    stray = ~kept[carrier[:, 0], carrier[:, 1], carrier[:, 2]]
+    carrier[stray], local[stray] = _carry(vertex_of[stray], corner, size, counts, cell_fill)
     kept[carrier[:, 0], carrier[:, 1], carrier[:, 2]] = True
 
     cell_grid, cell_nodes, node_grid = number_nodes(kept)

@@ -69,9 +69,9 @@ def vertex_shares(vertices: Floats, triangles: Ints) -> tuple[Floats, Floats]:
     return area, normal / length
 
 
-def contact_points(vertices: Floats, triangles: Ints, longest: float) -> tuple[Floats, Floats, Floats]:
+def contact_points(vertices: Floats, triangles: Ints, longest: float) -> tuple[Floats, Floats, Floats, Floats]:
     """The vertices of a surface, then points at which tools press it: where they are (n + k, 3) [m], what areas they
-    stand for (n + k,) [m^2], and unit normals (n + k, 3).
+    stand for (n + k,) [m^2], unit normals (n + k, 3), and vertices that they stand for (n + k, 3) [m].
 
     Triangles are split until no edge is longer than `longest` [m], and a point stands for what is nearest to a vertex
     then. It is the middle of that, so that a pressure that varies linearly is summed exactly: vertices stick out of a
@@ -102,6 +102,7 @@ def contact_points(vertices: Floats, triangles: Ints, longest: float) -> tuple[F
         np.concatenate([vertices[:n], places[added]]),
         np.concatenate([shares, total[added]]),
         np.concatenate([normal[:n], normal[nearest[added]]]),
+        np.concatenate([vertices[:n], vertices[nearest[added]]]),
     )
 
 
