@@ -6,7 +6,9 @@ left of the gaps is closed at once over all rows of all interfaces, by the compl
 
 A part's linear answer is not quite what it would do. By how much was seen when a step was redone last, as a share kappa
 of the move; where kappa times the move exceeds the tolerance, or the move is not small beside a cell, all parts redo
-the step under the multipliers found. So do parts that cannot be moved on, until the gap is within half the tolerance.
+the step under the multipliers found. They redo it, too, where kappa times the force behind the move is more than 3e-3
+of the multipliers: in a stiff body a gap far below the tolerance stands for much force. Parts that cannot be moved on
+redo it until the gap is within half the tolerance.
 
 A part that can takes the parts beyond its interfaces into its own solve, as a linear impedance S that draws its nodes
 to where these are expected: f = lambda + S (target - x). It then finds where its contacts stick and slip with the rest
@@ -50,13 +52,17 @@ _DOUBT = 1.1
 """growth of a kappa in a step that does not measure it [1]"""
 _SMALL = 0.02
 """largest move that is not doubted, in cells [1]"""
-_SEEN = 0.02
-"""moves below this share of the tolerance measure no kappa [1]"""
+_SEEN = 1e-8
+"""moves below this share of the tolerance are rounding: they measure no kappa, and stand for no force [1]"""
+_DOUBTED_FORCE = 3e-3
+"""largest force that is doubted, as a share of all multipliers [1]"""
+_FORCE_EXCHANGES = 4
+"""exchanges in which a step is redone for a force: after these the gap alone counts"""
 _UNCORRECTED = 0.5
 """share of the tolerance within which parts agree that cannot be corrected: their gap stays, and does work [1]"""
 _STALE, _LEAST_AGE = 0.5, 24
 """a part's compliance is found anew after a step that was redone, where its kappa is larger [1] and it is so old"""
-_EXACT = 1e-3
+_EXACT = 1e-8
 """share of the tolerance to which the gaps are closed linearly [1]"""
 
 
@@ -174,7 +180,10 @@ class OneWay:
             acted = {name: _acted(replies[name], request) for name, request in requests.items()}
             found, pushes, moves = self._closure.solve(gap, acted, multipliers, _EXACT * self._setup.tolerance)
             if all(reply.correctable for reply in replies.values()):
-                corrected = self._corrections(replies, found, pushes, moves) if self._is_linear_enough(moves) else None
+                linear = self._is_linear_enough(moves)
+                if linear and exchange <= _FORCE_EXCHANGES:
+                    linear = self._is_force_known(moves, pushes, found)
+                corrected = self._corrections(replies, found, pushes, moves) if linear else None
                 if corrected is not None:
                     corrections, misses = corrected
                     places = {name: x[name] + moves[name] - misses.get(name, 0.0) for name in x}
@@ -317,6 +326,15 @@ class OneWay:
         for name, move in moves.items():
             length = largest(move)
             if length > _SMALL * self._setup.cell or self._linearity[name].kappa * length > self._setup.tolerance:
+                return False
+        return True
+
+    def _is_force_known(self, moves: Mapping[str, Floats], pushes: Mapping[str, Floats], found: Floats) -> bool:
+        """Whether the forces behind linear answers are doubted by little beside the multipliers found (c, 3) [N]."""
+        most = _DOUBTED_FORCE * float(np.abs(found).sum())
+        for name, push in pushes.items():
+            seen = largest(moves[name]) > _SEEN * self._setup.tolerance
+            if seen and self._linearity[name].kappa * float(np.abs(push).sum()) > most:
                 return False
         return True
 
