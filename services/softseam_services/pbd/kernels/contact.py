@@ -230,7 +230,7 @@ def project_contacts(model, parameters, contacts, xw, hh):
     lends = np.sqrt(hh) / (MEMORY + np.sqrt(hh))
     position, orientation, motion = contacts.position[1], contacts.orientation[1], contacts.motion
     start, rows, pairs, clear = contacts.start, contacts.rows, contacts.pairs, contacts.clear
-    way = farthest(contacts.found_at, xw)
+    way = farthest(contacts.found_at, xw) if _waits(start, clear) else 0.0
     n_near = 0
     for tool in range(len(kind)):
         n_near += start[tool + 1] > start[tool]
@@ -247,7 +247,7 @@ def project_contacts(model, parameters, contacts, xw, hh):
                 continue
             if clear[group] > -np.inf:
                 clear[group] = -np.inf
-                _begin_group(model, parameters, contacts, tool, group, np.sqrt(hh))
+                _begin_group(model, parameters, contacts, contacts.before, tool, group, np.sqrt(hh))
             place_group(group, X, rows, indptr, node, weight, xw, pairs)
             row = pairs[group]
             if rows[group, EDGED]:
@@ -271,11 +271,20 @@ def project_contacts(model, parameters, contacts, xw, hh):
 
 
 @njit(cache=True, error_model="numpy")
-def _begin_group(model, parameters, contacts, tool, group, h):
-    """BEFORE, FACED, HELD and ALLOWED of a group for the substep that starts at contacts.before, with the tools where
-    they start it."""
+def _waits(start, clear):
+    """Whether a group is so far from its tool that it need not be solved yet."""
+    for group in range(start[-1]):
+        if clear[group] > -np.inf:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _begin_group(model, parameters, contacts, xw, tool, group, h):
+    """BEFORE, FACED, HELD and ALLOWED of a group for the substep that starts at xw, with the tools where they start
+    it."""
     indptr, node, weight, kind, shape = model.indptr, model.node, parameters.weight, parameters.kind, parameters.shape
-    rows, pairs, xw = contacts.rows, contacts.pairs, contacts.before
+    rows, pairs = contacts.rows, contacts.pairs
     place, turn = three(contacts.position[0], tool), four(contacts.orientation[0], tool)
     place_group(group, BEFORE, rows, indptr, node, weight, xw, pairs)
     row = pairs[group]
@@ -300,11 +309,12 @@ def _begin_group(model, parameters, contacts, tool, group, h):
 def begin_pairs(model, parameters, contacts, xw, h):
     """A substep h starts at xw, with the tools where they start it."""
     start, clear = contacts.start, contacts.clear
-    copy_rows(contacts.before, xw)
+    if _waits(start, clear):
+        copy_rows(contacts.before, xw)
     for tool in range(len(parameters.kind)):
         for group in range(start[tool], start[tool + 1]):
             if clear[group] == -np.inf:
-                _begin_group(model, parameters, contacts, tool, group, h)
+                _begin_group(model, parameters, contacts, xw, tool, group, h)
 
 
 @batch_kernel
