@@ -154,12 +154,12 @@ print(json.dumps(found))
 
 BUDGET = {
     "fem": ({"advance": 266}, 167_000),
-    "pbd": ({"advance_step": 208, "probe_seam": 180, "highest_frequency": 65}, 150_000),
+    "pbd": ({"advance_step": 208, "probe_seam": 180, "highest_frequency": 65}, 156_000),
 }
 """most functions in the largest kernels that a first start compiles (others: 55), and most instructions of all
 
 Functions are the same on every machine. Instructions are counted after vectorisation and differ among processors: of
-FEM 137,358 with AVX2, and 1.5 % more on another machine.
+FEM 137,358 with AVX2, and 1.5 % more on another machine; of XPBD up to 152,341.
 """
 
 

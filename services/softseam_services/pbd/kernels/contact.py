@@ -230,7 +230,10 @@ def project_contacts(model, parameters, contacts, xw, hh):
     lends = np.sqrt(hh) / (MEMORY + np.sqrt(hh))
     position, orientation, motion = contacts.position[1], contacts.orientation[1], contacts.motion
     start, rows, pairs, clear = contacts.start, contacts.rows, contacts.pairs, contacts.clear
-    way = farthest(contacts.found_at, xw) if _waits(start, clear) else 0.0
+    waits = False
+    for group in range(start[-1]):
+        waits = waits or clear[group] > -np.inf
+    way = farthest(contacts.found_at, xw) if waits else 0.0
     n_near = 0
     for tool in range(len(kind)):
         n_near += start[tool + 1] > start[tool]
@@ -271,15 +274,6 @@ def project_contacts(model, parameters, contacts, xw, hh):
 
 
 @njit(cache=True, error_model="numpy")
-def _waits(start, clear):
-    """Whether a group is so far from its tool that it need not be solved yet."""
-    for group in range(start[-1]):
-        if clear[group] > -np.inf:
-            return True
-    return False
-
-
-@njit(cache=True, error_model="numpy")
 def _begin_group(model, parameters, contacts, xw, tool, group, h):
     """BEFORE, FACED, HELD and ALLOWED of a group for the substep that starts at xw, with the tools where they start
     it."""
@@ -309,12 +303,15 @@ def _begin_group(model, parameters, contacts, xw, tool, group, h):
 def begin_pairs(model, parameters, contacts, xw, h):
     """A substep h starts at xw, with the tools where they start it."""
     start, clear = contacts.start, contacts.clear
-    if _waits(start, clear):
-        copy_rows(contacts.before, xw)
+    waits = False
     for tool in range(len(parameters.kind)):
         for group in range(start[tool], start[tool + 1]):
             if clear[group] == -np.inf:
                 _begin_group(model, parameters, contacts, xw, tool, group, h)
+            else:
+                waits = True
+    if waits:
+        copy_rows(contacts.before, xw)
 
 
 @batch_kernel
