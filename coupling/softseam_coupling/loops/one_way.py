@@ -6,9 +6,9 @@ left of the gaps is closed at once over all rows of all interfaces, by the compl
 
 A part's linear answer is not quite what it would do. By how much was seen when a step was redone last, as a share kappa
 of the move; where kappa times the move exceeds the tolerance, or the move is not small beside a cell, all parts redo
-the step under the multipliers found. They redo it, too, where kappa times the force behind the move is more than 3e-3
-of the multipliers: in a stiff body a gap far below the tolerance stands for much force. Parts that cannot be moved on
-redo it until the gap is within half the tolerance.
+the step under the multipliers found. They redo it, too, where kappa times the force behind the move is a larger share
+of the multipliers than ten times what the tolerance is of a cell: in a stiff body a gap far below the tolerance stands
+for much force. Parts that cannot be moved on redo it until the gap is within half the tolerance.
 
 A part that can takes the parts beyond its interfaces into its own solve, as a linear impedance S that draws its nodes
 to where these are expected: f = lambda + S (target - x). It then finds where its contacts stick and slip with the rest
@@ -54,8 +54,8 @@ _SMALL = 0.02
 """largest move that is not doubted, in cells [1]"""
 _SEEN = 1e-8
 """moves below this share of the tolerance are rounding: they measure no kappa, and stand for no force [1]"""
-_DOUBTED_FORCE = 3e-3
-"""largest force that is doubted, as a share of all multipliers [1]"""
+_DOUBTED_FORCE = 10.0
+"""largest force that is doubted, as a share of all multipliers, over the tolerance as a share of a cell [1]"""
 _FORCE_EXCHANGES = 4
 """exchanges in which a step is redone for a force: after these the gap alone counts"""
 _UNCORRECTED = 0.5
@@ -331,7 +331,7 @@ class OneWay:
 
     def _is_force_known(self, moves: Mapping[str, Floats], pushes: Mapping[str, Floats], found: Floats) -> bool:
         """Whether the forces behind linear answers are doubted by little beside the multipliers found (c, 3) [N]."""
-        most = _DOUBTED_FORCE * float(np.abs(found).sum())
+        most = _DOUBTED_FORCE * self._setup.tolerance / self._setup.cell * float(np.abs(found).sum())
         for name, push in pushes.items():
             seen = largest(moves[name]) > _SEEN * self._setup.tolerance
             if seen and self._linearity[name].kappa * float(np.abs(push).sum()) > most:
