@@ -214,6 +214,18 @@ def test_a_part_that_yields_otherwise_than_it_says_costs_exchanges_not_accuracy(
     assert all(outcome.agreed for outcome in outcomes)
 
 
+def test_a_part_that_yields_backwards_in_some_directions_is_told_of_as_one_that_resists() -> None:
+    """As XPBD of stone says after too few sweeps: with an impedance that pushes the near side could not be solved."""
+    far = part(2)
+    values, vectors = np.linalg.eigh(far.yields)
+    values[:2] *= -0.1
+    far.yields = (vectors * values) @ vectors.T
+    chain = Chain({"a": part(1, takes_impedance=True), "b": far}, [seam("a", "b")])
+    outcomes = [chain.step() for _ in range(6)]
+    assert np.linalg.eigvalsh(chain.parts["a"].impedance).min() > 0.0
+    assert all(outcome.agreed and outcome.gap <= TOLERANCE for outcome in outcomes)
+
+
 def test_parts_that_cannot_be_corrected_are_redone_until_the_gap_is_closed() -> None:
     chain = Chain({"a": part(1, corrects=False, bend=0.3), "b": part(2)}, [seam("a", "b")])
     for _ in range(6):

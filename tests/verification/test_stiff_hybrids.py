@@ -1,7 +1,8 @@
 """Stiff bodies in both models: tools bear what weight and friction say, also where the sides' gap stands for more.
 
 Where gaps alone counted, at 3e-4 of a cell, the pushes went up to 288, 82 and 54 % off from step to step, and what the
-ground bore of the first block by 36 %.
+ground bore of the first block by 36 %. Of the last two blocks it was off by 13 and 2 %, where the near side was told of
+a far side that pushes in some directions.
 """
 
 from __future__ import annotations
@@ -68,7 +69,10 @@ def test_a_push_is_what_friction_asks_for(size: Size, cell: float, young: float,
     assert push == pytest.approx(right, rel=0.15)
 
 
-@pytest.mark.parametrize(("edge", "young", "density"), [(1.0, 34.5e9, 2400.0), (1.2, 3e10, 2600.0), (1.0, 5e9, 2500.0)])
+@pytest.mark.parametrize(
+    ("edge", "young", "density"),
+    [(1.0, 34.5e9, 2400.0), (1.2, 3e10, 2600.0), (1.0, 5e9, 2500.0), (1.3, 4e10, 2600.0), (0.3, 3e9, 1200.0)],
+)
 def test_a_block_stands_with_its_weight(edge: float, young: float, density: float) -> None:
     """In the last half of the run the ground bears it within 0.5 % in each step."""
     scene = {

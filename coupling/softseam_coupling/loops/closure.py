@@ -64,15 +64,24 @@ class Closure:
             self._inverse = None if abs(below) < 1e-3 else self._inverse - np.outer(left / below, right)
 
     def impedance(self, name: str) -> Floats:
-        """Of the parts beyond a part's interfaces, on its nodes, which are its rows; symmetric (3n, 3n) [N/m]."""
+        """Of the parts beyond a part's interfaces, on its nodes, which are its rows (3n, 3n) [N/m]: symmetric, and
+        positive definite."""
         self._inverse = self._invert([other for other_name, other in self._parts.items() if other_name != name])
         return self._inverse
 
     def _invert(self, parts: list[CoupledPart]) -> Floats:
-        """Inverse of the symmetric part of these parts' compliance (3c, 3c) [N/m]."""
+        """Inverse of the symmetric part of these parts' compliance (3c, 3c) [N/m].
+
+        That of sweeps which are far from done is not that of a passive body: of each eigenvalue the size counts.
+        """
         w = np.asarray(sum(part.row_compliance() for part in parts))
         h = 0.5 * (w + w.T)
         h.flat[:: len(h) + 1] += HARDLY * np.trace(h) / len(h)
+        try:
+            np.linalg.cholesky(h)
+        except np.linalg.LinAlgError:
+            values, vectors = np.linalg.eigh(h)
+            return np.asarray((vectors / np.abs(values)) @ vectors.T)
         inverse = np.linalg.inv(h)
         return np.asarray(0.5 * (inverse + inverse.T))
 
