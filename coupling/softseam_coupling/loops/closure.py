@@ -72,7 +72,9 @@ class Closure:
     def _invert(self, parts: list[CoupledPart]) -> Floats:
         """Inverse of the symmetric part of these parts' compliance (3c, 3c) [N/m].
 
-        That of sweeps which are far from done is not that of a passive body: of each eigenvalue the size counts.
+        XPBD whose sweeps are far from converged may report an indefinite one, as no passive body has. Eigenvalues then
+        count by their absolute values (as in Dauphin et al. 2014, saddle-free Newton), none below HARDLY of the
+        largest.
         """
         w = np.asarray(sum(part.row_compliance() for part in parts))
         h = 0.5 * (w + w.T)
@@ -81,7 +83,8 @@ class Closure:
             np.linalg.cholesky(h)
         except np.linalg.LinAlgError:
             values, vectors = np.linalg.eigh(h)
-            return np.asarray((vectors / np.abs(values)) @ vectors.T)
+            sizes = np.abs(values)
+            return np.asarray((vectors / np.maximum(sizes, HARDLY * sizes.max())) @ vectors.T)
         inverse = np.linalg.inv(h)
         return np.asarray(0.5 * (inverse + inverse.T))
 

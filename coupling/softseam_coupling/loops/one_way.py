@@ -6,9 +6,10 @@ left of the gaps is closed at once over all rows of all interfaces, by the compl
 
 A part's linear answer is not quite what it would do. By how much was seen when a step was redone last, as a share kappa
 of the move; where kappa times the move exceeds the tolerance, or the move is not small beside a cell, all parts redo
-the step under the multipliers found. They redo it, too, where kappa times the force behind the move is a larger share
-of the multipliers than ten times what the tolerance is of a cell: in a stiff body a gap far below the tolerance stands
-for much force. Parts that cannot be moved on redo it until the gap is within half the tolerance.
+the step under the multipliers found. In the first four exchanges they redo it, too, where kappa times the force behind
+the move, as a share of the multipliers, exceeds ten times the tolerance, as a share of a cell: in a stiff body a gap
+far below the tolerance stands for much force. Parts that cannot be moved on redo it until the gap is within half the
+tolerance.
 
 A part that can takes the parts beyond its interfaces into its own solve, as a linear impedance S that draws its nodes
 to where these are expected: f = lambda + S (target - x). It then finds where its contacts stick and slip with the rest
@@ -180,10 +181,10 @@ class OneWay:
             acted = {name: _acted(replies[name], request) for name, request in requests.items()}
             found, pushes, moves = self._closure.solve(gap, acted, multipliers, _EXACT * self._setup.tolerance)
             if all(reply.correctable for reply in replies.values()):
-                linear = self._is_linear_enough(moves)
-                if linear and exchange <= _FORCE_EXCHANGES:
-                    linear = self._is_force_known(moves, pushes, found)
-                corrected = self._corrections(replies, found, pushes, moves) if linear else None
+                trusted = self._is_linear_enough(moves)
+                if exchange <= _FORCE_EXCHANGES:
+                    trusted = trusted and self._is_force_known(moves, pushes, found)
+                corrected = self._corrections(replies, found, pushes, moves) if trusted else None
                 if corrected is not None:
                     corrections, misses = corrected
                     places = {name: x[name] + moves[name] - misses.get(name, 0.0) for name in x}

@@ -113,8 +113,8 @@ class SeamSpec(Spec):
     )
     tolerance: Positive = Field(
         default=3e-4,
-        description="largest position gap at commit, in cell edges; thrice as much after eight exchanges [1]; in "
-        "up to four exchanges no more than ten times that share of the forces at the seam is left in doubt",
+        description="largest position gap at commit, in cell edges; thrice as much after eight exchanges [1]; a "
+        "step is redone up to four times, too, where more than ten times that share of the seam's forces is in doubt",
     )
     exchanges: int = Field(
         default=16,
