@@ -50,7 +50,8 @@ def test_there_is_no_other_program() -> None:
 
 def test_all_environments_are_on_their_page() -> None:
     """With as many numbers of an action and of what is seen as they have."""
-    registered = {name.partition("/")[2] for name in gymnasium.registry if name.startswith("softseam/")}
+    ours = {name.partition("/")[2] for name in gymnasium.registry if name.startswith("softseam/")}
+    registered = ours - {"TofuGrasp-v0"}  # which only says what took its place
     assert set(re.findall(r"^\| `softseam/([\w-]+)`", ENVIRONMENTS, re.MULTILINE)) == registered
     for name, seen in (("TofuLift", LIFT), ("SliceLift", LIFT), ("PushGentle", PUSH), ("TowelFold", FOLD)):
         assert re.search(rf"^\| `softseam/{name}-v0` \|.*\| {len(seen)} \|", ENVIRONMENTS, re.MULTILINE)

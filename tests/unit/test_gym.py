@@ -166,6 +166,11 @@ def test_what_is_no_environment_is_refused(given: dict[str, Any], told: str) -> 
         Lift("tofu_grasp", **given)
 
 
+def test_the_task_of_before_names_the_one_that_took_its_place() -> None:
+    with pytest.raises(gymnasium.error.DeprecatedEnv, match="make softseam/TofuLift-v0"):
+        gymnasium.make(NAME.replace("TofuLift", "TofuGrasp"), settings=["step=0.01"])
+
+
 def test_without_gymnasium_the_remedy_is_named() -> None:
     code = "import sys; sys.modules['gymnasium'] = None\nimport softseam.gym"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)

@@ -8,6 +8,8 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 from softseam.errors import missing_extra
 
 try:
@@ -34,3 +36,13 @@ gymnasium.register(
 gymnasium.register(id="softseam/SliceLift-v0", entry_point="softseam.gym.slice_lift:SliceLift")
 gymnasium.register(id="softseam/PushGentle-v0", entry_point="softseam.gym.push_gentle:PushGentle")
 gymnasium.register(id="softseam/TowelFold-v0", entry_point="softseam.gym.towel_fold:TowelFold")
+
+
+def _no_tofu_grasp(**_: object) -> NoReturn:
+    raise gymnasium.error.DeprecatedEnv(
+        "softseam/TofuGrasp-v0 is no more: make softseam/TofuLift-v0, which shows and rewards other things"
+        " (docs/start/training.md); a policy of the old one has to be trained anew"
+    )
+
+
+gymnasium.register(id="softseam/TofuGrasp-v0", entry_point=_no_tofu_grasp)
