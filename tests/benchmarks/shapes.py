@@ -220,8 +220,8 @@ class Found:
     run: Run
     grip: float
     """[N]"""
-    off: float
-    """of cells of half the edge [1]"""
+    right: float
+    """the grip on cells of half the edge [N]"""
     denser: float
     """change by denser contact [1]"""
     xpbd: Run
@@ -234,7 +234,7 @@ class Found:
             self.told,
             f"{self.run.cells}",
             f"{self.grip:.3g}",
-            f"{100 * self.off:+.1f} %",
+            f"{100 * (self.grip / self.right - 1.0):+.1f} %",
             f"{100 * self.denser:+.1f} %",
             f"{self.run.iterations():.1f}",
             f"{self.run.speed():.2g}",
@@ -251,7 +251,7 @@ def found_of(told: str, bundle: Bundle, at: float, mine: Run) -> Found:
     path, file = next(iter(bundle.files.items()))
     dense = run(bundle_scene(scene_from_bundle(bundle), {path: denser(told, file, float(mine.edges.min()) / 8.0)}))
     grip = mine.grip(at)
-    return Found(told, mine, grip, grip / fine - 1.0, dense.grip(at) / grip - 1.0, xpbd, xpbd.grip(at) / fine - 1.0)
+    return Found(told, mine, grip, fine, dense.grip(at) / grip - 1.0, xpbd, xpbd.grip(at) / fine - 1.0)
 
 
 def in_larger_cells(bundle: Bundle, mine: Run, right: float, at: float) -> tuple[str, ...]:
@@ -296,7 +296,7 @@ def main() -> None:
         rows.append(found.line())
         quicker.append(run(with_settings_of(bundle, ELASTIC, BY_XPBD)).speed() / found.xpbd.speed())
         further.append(row(name, *(longer(bundle, step, mine) for step in STEPS)))
-        few.append(row(name, *in_larger_cells(bundle, mine, found.grip / (1.0 + found.off), at)))
+        few.append(row(name, *in_larger_cells(bundle, mine, found.right, at)))
         print(rows[-1], further[-1], few[-1], sep="\n", flush=True)
     for told, turn in (("cube", 0.0), ("cube, turned", TURN)):
         bundle, at = squeezed("cube", cube(turn), turn)
