@@ -292,6 +292,15 @@ def solver_digest() -> str:
     return digest.hexdigest()
 
 
+def halt(on: bool) -> None:
+    """Whether solvers in this process, where there are any, are to return at their next iteration."""
+    try:
+        from softseam_services.halt import HALT
+    except ImportError:
+        return
+    HALT[0] = on
+
+
 class translated:  # reads as the function that it is used as
     """A context that turns what the services raise into the client's errors.
 

@@ -6,14 +6,12 @@ parts or with a gap, but soon. Where none does for long, it is ended.
 
 from __future__ import annotations
 
-import signal
-import threading
 from collections.abc import Callable
 from time import perf_counter
-from types import FrameType, TracebackType
-from typing import Any
+from types import TracebackType
 
 from softseam.errors import SimulationFailed
+from softseam.interrupt import Interrupt
 from softseam.observation import Observation
 from softseam_protocol.messages.outcomes import EventKind
 
@@ -27,16 +25,8 @@ _SOON = 0.1
 """of the limit: what is not solved at once gets on where it takes no longer [1]"""
 _HARD = {EventKind.SOLVER, EventKind.STEP, EventKind.SEAM, EventKind.MONITOR}
 """events of steps that were not solved at once"""
-_LOOK = 0.5
-"""time between looks at the clock [s]"""
-_AGAIN = 10.0
-"""time after which a run that was to end is ended again [s]"""
 _TELL = 5.0
 """time that a step takes before it is told of, and again each time that this has doubled [s]"""
-
-
-class _Ended(KeyboardInterrupt):
-    """Raised in the main thread as the limit is passed: what an interrupt may end, this may."""
 
 
 def limit_for(n_nodes: int, afar: bool) -> float:
@@ -57,12 +47,10 @@ class StepWatch:
         self, limit: float, tell: Callable[[int, float], None], compiled: Callable[[], float] = lambda: 0.0
     ) -> None:
         self._limit, self._tell, self._compiled = limit, tell, compiled
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._watch, name="softseam step watch", daemon=True)
-        self._main = threading.main_thread().ident
-        self._handler: Any = None
+        self._interrupt = Interrupt("softseam step watch", self._looks)
         self._steps, self._good, self._failed = 0, 0, 0
         self._begun = self._last = self._now()
+        self._told_step, self._due = 0, _TELL
 
     def taken(self, observation: Observation) -> None:
         """A step was taken."""
@@ -76,44 +64,28 @@ class StepWatch:
 
     def __enter__(self) -> StepWatch:
         self._begun = self._last = self._now()
-        if threading.current_thread() is threading.main_thread():
-            self._handler = signal.signal(signal.SIGUSR1, _end)  # SIGINT is ignored where a script began this process
-        else:
-            self._limit = 0.0  # signals are heard by the main thread alone
-        self._thread.start()
+        self._interrupt.__enter__()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        try:
-            self._stop.set()
-            self._thread.join()
-        except _Ended:
-            pass  # as the last step ended, it was time to
-        finally:
-            if self._handler is not None:
-                signal.signal(signal.SIGUSR1, self._handler)
-        if isinstance(error, _Ended):
+        if self._interrupt.__exit__(kind, error, trace):
             raise SimulationFailed(self._words()) from None
 
     def _now(self) -> float:
         """A clock that stands while kernels are compiled [s]."""
         return perf_counter() - self._compiled()
 
-    def _watch(self) -> None:
-        due, over = _TELL, self._limit
-        step = self._steps
-        while not self._stop.wait(_LOOK):
-            now = self._now()
-            if self._steps != step:
-                step, due = self._steps, _TELL
-            if now - self._begun >= due:
-                due *= 2.0
-                self._tell(step + 1, now - self._begun)
-            if self._limit and now - self._last >= over and self._main is not None:
-                over = now - self._last + _AGAIN  # should it be lost on its way
-                signal.pthread_kill(self._main, signal.SIGUSR1)
+    def _looks(self) -> bool:
+        """Tell of a step that takes long; whether the limit is passed."""
+        now = self._now()
+        if self._steps != self._told_step:
+            self._told_step, self._due = self._steps, _TELL
+        if now - self._begun >= self._due:
+            self._due *= 2.0
+            self._tell(self._steps + 1, now - self._begun)
+        return bool(self._limit) and now - self._last >= self._limit
 
     def _words(self) -> str:
         what = f"step {self._steps + 1} was not solved within {self._limit:.0f} s"
@@ -126,7 +98,3 @@ class StepWatch:
             "a stiffer material), or give it fewer cells by a longer `body.cell`; --step-limit waits longer, with 0 "
             "for ever"
         )
-
-
-def _end(number: int, frame: FrameType | None) -> None:
-    raise _Ended

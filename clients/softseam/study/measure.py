@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args
 
 from softseam.embedded import compile_clock
 from softseam.errors import BadInput, SceneRefused, SimulationFailed
+from softseam.interrupt import Interrupt
 from softseam.observation import Observation
 from softseam.scenes import Source
 from softseam.session import Session, open_as_given
@@ -198,24 +199,38 @@ def _followed(
     told: Told | None,
     look: int,
 ) -> Outcome:
-    """Run a session that was just reset to its end, or to its limit."""
+    """Run a session that was just reset to its end, or to its limit, within a step where that takes so long."""
     builder = SeriesBuilder(names, session.scene.step)
     builder.add(start)
-    watch = _Watch(clock)
+    watch, last = _Watch(clock), start
+
+    def late() -> bool:
+        return watch.read().own > limit
 
     def collect(observation: Observation) -> None:
+        nonlocal last
+        last = observation
         builder.add(observation)
-        if watch.read().own > limit:
-            raise _Stopped(f"stopped at {observation.time:.3g} s of motion, after {limit:.0f} s")
+        if late():
+            raise _Stopped
         if told is not None and length:
             told(min(1.0, observation.time / length))
 
     status: Status = "done"
-    reason, last = "", start
+    reason = ""
+    interrupt = Interrupt("softseam time limit", late)
     try:
-        last = _looking(session, look, collect) if look else session.run(collect)
-    except (_Stopped, SimulationFailed) as error:
-        status, reason = "stopped" if isinstance(error, _Stopped) else "failed", str(error)
+        with interrupt:
+            if look:
+                _looking(session, look, collect)
+            else:
+                session.run(collect)
+    except SimulationFailed as error:
+        status, reason = "failed", str(error)
+    except _Stopped:
+        status = "stopped"
+    if status == "stopped" or interrupt.ended:
+        status, reason = "stopped", f"stopped at {last.time:.3g} s of motion, after {limit:.0f} s"
     series, taken = builder.build(), watch.read()
     if status == "done" and not series.finite():
         status, reason = "failed", "it diverged: a quantity is not a number"
@@ -251,11 +266,11 @@ def _timed(session: Session, first: Outcome, clock: Clock, runs: int) -> Outcome
     return replace(first, walls=walls, cpu=cpu, spent=spent, compiled=clock()[0])
 
 
-def _looking(session: Session, every: int, collect: Callable[[Observation], None]) -> Observation:
+def _looking(session: Session, every: int, collect: Callable[[Observation], None]) -> None:
     """Follow an open session's motion to its end, and look at its fields whenever `every` steps were taken."""
-    taken, last = 0, None
-    while last is None or not last.done:
+    taken, done = 0, False
+    while not done:
         taken += 1
-        last = session.step(fields=taken % every == 0)
-        collect(last)
-    return last
+        observation = session.step(fields=taken % every == 0)
+        collect(observation)
+        done = observation.done

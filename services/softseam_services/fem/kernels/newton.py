@@ -247,6 +247,8 @@ def newton(x, x0, model, parameters, tree, tools, count, inertia, share, setting
     if guessed < _FAR * parameters.edge and not careful:
         hold_what_stuck(count, work)
     for iteration in range(1, most + 1):
+        if work.halt[0] != 0:
+            return STALLED, iteration
         missing = residual(x, x0, model, parameters, tools, count, inertia, share, work)
         if flies and guessed > _FAR * parameters.edge and not careful and lets_go(parameters, tools, count, work):
             guessed = _back_to(x0, x, count, work)

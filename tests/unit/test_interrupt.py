@@ -1,0 +1,80 @@
+"""A run in a study ends at its limit, also within a step and within a kernel, and what comes after it is sound."""
+
+from __future__ import annotations
+
+import re
+import signal
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+import softseam
+from softseam.interrupt import Interrupt
+from softseam.study.measure import measure
+
+SCENE = """\
+softseam: 1
+name: cube
+gravity: [0, 0, -9810]
+step: 0.01
+duration: 0.05
+body:
+  shape: {{kind: block, size: [0.04, 0.04, 0.04]}}
+  cell: {cell}
+  material: {{young: 20.0e3, poisson: 0.45, density: 1050}}
+tools:
+  ground: {{kind: plane, friction: 0.5}}
+regions: {{default: fem}}
+quantities: [sag]
+"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def loaded(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Kernels, so that no time goes into them."""
+    path = tmp_path_factory.mktemp("scene") / "cube.yaml"
+    path.write_text(SCENE.format(cell=0.02).replace("-9810", "-9.81"))
+    assert measure(str(path), (), ("sag",), runs=0).status == "done"
+
+
+@pytest.mark.parametrize(("cell", "limit"), [(0.02, 0.7), (0.01, 1.5), (0.0025, 3.0)])
+def test_a_run_is_stopped_within_a_step(cell: float, limit: float, tmp_path: Path) -> None:
+    """An iteration of the smallest cells takes a second or two, and one kernel does thirty of them."""
+    path = tmp_path / "cube.yaml"
+    path.write_text(SCENE.format(cell=cell))
+    began = time.perf_counter()
+    found = measure(str(path), (), ("sag",), limit=limit)
+    assert found.status == "stopped" and found.series is None
+    assert re.fullmatch(rf"stopped at 0(\.\d+)? s of motion, after {limit:.0f} s", found.reason)
+    assert found.setup + limit <= time.perf_counter() - began < found.setup + limit + 12.0
+    sound = measure(str(path), ("gravity=[0, 0, -9.81]", "body.cell=0.02"), ("sag",), runs=0)
+    assert sound.status == "done" and sound.series is not None
+
+
+def test_what_ends_in_time_is_let_be() -> None:
+    before = signal.getsignal(signal.SIGUSR1)
+    with Interrupt("test", lambda: False) as interrupt:
+        time.sleep(1.2)
+    assert not interrupt.ended and signal.getsignal(signal.SIGUSR1) is before
+
+
+def test_another_thread_than_the_main_one_goes_on() -> None:
+    """It would not hear of it: so solvers, which are the process's, are not halted for it either."""
+    seen: list[bool] = []
+
+    def watched() -> None:
+        with Interrupt("test", lambda: True) as interrupt, softseam.open("tofu_grasp") as session:
+            session.reset()
+            for _ in range(3):
+                session.step()
+            time.sleep(1.2)
+            session.step()
+            seen.append(all(event.kind != "solver" for event in session.step().events))
+        seen.append(interrupt.ended)
+
+    thread = threading.Thread(target=watched)
+    thread.start()
+    thread.join(60.0)
+    assert seen == [True, False]
