@@ -89,12 +89,12 @@ class ChartProgress:
     def _told(self, text: str, before: float, part: float) -> None:
         done = before + part - self._finished
         taken = perf_counter() - self._spent
-        left = self._total - before - part
+        left = max(0.0, self._total - before - part)
         # until something was measured, the rough estimates stand
         pace = taken / done if done > 0.02 * self._total else 1.0
         ends = self._end - perf_counter()
-        eta = min(pace * left, ends) if ends > 0.0 else pace * left
-        self._say(text, (before + part) / self._total, f"ETA {eta:.0f} s")
+        # past it only what runs now is still to come, or what compiling held up
+        self._say(text, (before + part) / self._total, f"ETA {min(pace * left, ends):.0f} s" if ends > 0.0 else "")
 
     def _say(self, text: str, done: float, state: str, *, force: bool = False) -> None:
         if self._bar is not None:
