@@ -293,7 +293,7 @@ def solver_digest() -> str:
 
 
 def halt(on: bool) -> None:
-    """Whether solvers in this process, where there are any, are to return at their next iteration."""
+    """Whether solvers that the main thread made, where there are any, are to return at their next iteration."""
     try:
         from softseam_services.halt import HALT
     except ImportError:

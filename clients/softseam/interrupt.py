@@ -9,6 +9,7 @@ from types import FrameType, TracebackType
 from typing import Any
 
 from softseam.embedded import halt
+from softseam.errors import SimulationFailed
 
 _LOOK = 0.5
 """time between looks at whether it is time [s]"""
@@ -24,7 +25,8 @@ class Interrupt:
     """A context that is ended from a thread of its own once `is_due`, which is asked twice a second.
 
     Where it is entered in another thread than a process's main one, it asks but ends nothing: signals are heard by the
-    main thread alone. Leaving it, `ended` says whether it was ended; nothing of that is raised.
+    main thread alone. Leaving it, `ended` says whether it was ended, and nothing of that is raised: neither what ended
+    it nor that a step has no solution, for its solver may have been halted.
     """
 
     def __init__(self, name: str, is_due: Callable[[], bool]) -> None:
@@ -34,7 +36,7 @@ class Interrupt:
         self._thread = threading.Thread(target=self._watch, name=name, daemon=True)
         self._main = threading.main_thread().ident
         self._handler: Any = None
-        self._ends = False
+        self._ends = self._sent = False
 
     def __enter__(self) -> Interrupt:
         self._ends = threading.current_thread() is threading.main_thread()
@@ -54,10 +56,10 @@ class Interrupt:
                     signal.signal(signal.SIGUSR1, self._handler)
                 break
             except Ended:
-                continue  # as the last of it was done, it was time to
+                continue  # it was due as the last of it was done
         if self._ends:
             halt(False)
-        self.ended = isinstance(error, Ended)
+        self.ended = self._sent and (error is None or isinstance(error, (Ended, SimulationFailed)))
         return self.ended
 
     def _watch(self) -> None:
@@ -65,7 +67,7 @@ class Interrupt:
         while not self._stop.wait(_LOOK):
             wait -= 1
             if self._is_due() and wait <= 0 and self._ends and self._main is not None:
-                wait = _AGAIN
+                wait, self._sent = _AGAIN, True
                 halt(True)
                 signal.pthread_kill(self._main, signal.SIGUSR1)
 

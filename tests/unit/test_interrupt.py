@@ -11,7 +11,9 @@ from pathlib import Path
 import pytest
 
 import softseam
-from softseam.interrupt import Interrupt
+from softseam.embedded import halt
+from softseam.errors import SimulationFailed
+from softseam.interrupt import Ended, Interrupt
 from softseam.study.measure import measure
 
 SCENE = """\
@@ -78,3 +80,48 @@ def test_another_thread_than_the_main_one_goes_on() -> None:
     thread.start()
     thread.join(60.0)
     assert seen == [True, False]
+
+
+def test_sessions_of_other_threads_are_not_halted() -> None:
+    """While what the main thread does is ended, and before it is."""
+    seen: list[bool] = []
+    over = threading.Event()
+
+    def beside() -> None:
+        with softseam.open("tofu_grasp") as session:
+            session.reset()
+            while not over.is_set():
+                seen.append(all(event.kind != "solver" for event in session.step().events))
+
+    thread = threading.Thread(target=beside)
+    thread.start()
+    halt(True)
+    try:
+        while len(seen) < 5 and thread.is_alive():
+            time.sleep(0.05)
+    finally:
+        halt(False)
+        over.set()
+        thread.join(60.0)
+    assert len(seen) >= 5 and all(seen)
+
+
+@pytest.mark.parametrize("error", [None, SimulationFailed("the step has no solution")])
+def test_what_a_halted_solver_came_to_does_not_count(error: SimulationFailed | None) -> None:
+    """It may come to its end, or fail, before the main thread hears that it is ended."""
+    with Interrupt("test", lambda: True) as interrupt:
+        try:
+            time.sleep(30.0)
+        except Ended:
+            if error is not None:
+                raise error from None
+    assert interrupt.ended
+
+
+def test_who_interrupts_what_is_ended_is_heard() -> None:
+    with pytest.raises(KeyboardInterrupt), Interrupt("test", lambda: True) as interrupt:
+        try:
+            time.sleep(30.0)
+        except Ended:
+            raise KeyboardInterrupt from None
+    assert not interrupt.ended

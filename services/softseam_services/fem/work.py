@@ -15,7 +15,7 @@ from softseam_services.fem.kernels.newton import N_MEMO
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.tree import Factoring, scratch
-from softseam_services.halt import HALT
+from softseam_services.halt import own_halt
 from softseam_services.jit import record
 
 MOST_AUGMENTATIONS = 4
@@ -138,7 +138,7 @@ class Work(NamedTuple):
     material_dt: Floats
     """length of that step (1,) [s]"""
     halt: Ints
-    """not 0 where Newton's method shall return, solved or not: one for the whole process (1,)"""
+    """not 0 where Newton's method shall return, solved or not, see softseam_services/halt.py (1,)"""
 
 
 def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work:
@@ -216,5 +216,5 @@ def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work
         seam_actual=np.zeros((len(model.seam), 3)),
         material_state=np.zeros((n_cells, 8, model.n_state)),
         material_dt=np.zeros(1),
-        halt=HALT,
+        halt=own_halt(),
     )
