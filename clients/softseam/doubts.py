@@ -209,7 +209,7 @@ def _is_round(tool: ToolSpec, middle: NDArray[np.float64]) -> bool:
 def _felt_at_points(scene: Scene, body: Body, tools: ToolSet) -> Iterator[tuple[str, float]]:
     """Tools that press inside faces of cells, and how wide each is: the middle one of its three extents [m].
 
-    Planes are not narrow, and boxes press by the share of a face that they cover.
+    Planes are not narrow, and boxes are looked at by their edges.
     """
     from softseam_services.body.outer_faces import is_covered_by_faces
 

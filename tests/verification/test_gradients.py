@@ -25,8 +25,6 @@ import softseam
 from softseam.losses import Loss, displacement, tool_force, total
 from softseam.session import Session
 from softseam_services.fem.differential import no_differential
-from softseam_services.fem.kernels.cover import covered
-from softseam_services.fem.kernels.cover_derivative import differentiate_cover
 from softseam_services.fem.solver import FemSolver
 from softseam_services.orchestrator.rollout import roll_out
 
@@ -186,35 +184,6 @@ def test_backward_is_the_transpose_of_forward(case: str) -> None:
             assert abs(forward - backward) < 1e-8 * size
             augmented += len(rollout.augmented[step])
     assert augmented > 0 or case != "sticking"
-
-
-def test_shares_of_a_patch_and_a_face_have_these_derivatives() -> None:
-    """Of a face that bends between edges of a box, seen from its frame, against differences of `covered`."""
-    random, n_seen = np.random.default_rng(0), 0
-    s, t = np.array([0, -1, 1, 0, 0, -1, -1, 1, 1]), np.array([0, 0, 0, -1, 1, -1, 1, -1, 1])
-    shape, upright, slope = np.array([0.005, 0.0087, 0.0099]), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros((2, 9, 3))
-    for _ in range(40):
-        face = np.stack([np.full(9, 0.01), 0.0125 * s, 0.0125 * t], axis=1) + 5e-4 * random.standard_normal((9, 3))
-        patch = (2.0 * random.integers(0, 4, 2) + 1.0) / 4.0 - 1.0
-
-        def shares(moved: np.ndarray, patch: np.ndarray = patch) -> np.ndarray:
-            found = covered(moved, np.array([-0.0099, 0.0, 0.0]), 4.0, patch, shape, np.zeros(3), upright, -1)
-            return np.array(found[:2])
-
-        if shares(face)[0] == 0.0:
-            continue
-        n_seen += 1
-        np.testing.assert_allclose(differentiate_cover(face, 0, 4.0, patch, shape, slope), shares(face), rtol=1e-12)
-        expected, apart = np.zeros((2, 9, 3)), 1e-9
-        for k in range(9):
-            for i in range(3):
-                moved = face.copy()
-                moved[k, i] += apart
-                above = shares(moved)
-                moved[k, i] -= 2.0 * apart
-                expected[:, k, i] = (above - shares(moved)) / (2.0 * apart)
-        np.testing.assert_allclose(slope, expected, atol=1e-4)
-    assert n_seen > 20
 
 
 def test_contacts_near_a_change_are_told() -> None:

@@ -12,11 +12,7 @@ from numpy.typing import NDArray
 from pbd_run import PbdRun, Vector, block_scene
 from test_tool_edges import REFERENCE, press
 
-from softseam_services.pbd.edges import SOFT
-from softseam_services.pbd.kernels.pairs import EDGED, POINT, SIDE
-from softseam_services.pbd.kernels.pairs import SOFT as ALPHA
-from softseam_services.pbd.kernels.share import find_shares
-from softseam_services.pbd.records import new_shares
+from softseam_services.pbd.kernels.pairs import EDGED
 
 Floats = NDArray[np.float64]
 CELL = 0.0125
@@ -139,37 +135,10 @@ def test_what_tools_feel_is_what_the_body_feels() -> None:
     assert reply.wrench[1, 2] > 0.5 and (run.solver._scratch.arrays.contacts.rows[:, EDGED] > 0).any()
 
 
-def test_compliance_of_a_point_is_what_its_share_says() -> None:
-    """An edge at xi of a block beyond a line of points covers 1/2 + xi - xi^2/2 of what these stand for, and xi^2/2 of
-    the next line, as far as patches tell: alpha = (1/c - 1)/k with k = SOFT E h inside the block's surface."""
-    xi, tool = 0.5, 1
-    run = pads(2.0 * BLOCK + xi * BLOCK)
-    run.velocity[:, 2] = 1e-3, -1e-3
-    run.step()
-    edges = run.solver._scratch.arrays.contacts.shares
-    x = run.body.x_rest[run.region.nodes][run.solver.model.node]
-    line = (np.abs(x[:, 1]) < 1e-9) & (np.abs(x[:, 2] - 0.05) < 1e-9)
-    stiffness = SOFT * 20e3 * BLOCK
-    for place, covered in ((2.0 * BLOCK, 0.5 + xi - xi**2 / 2.0), (3.0 * BLOCK, xi**2 / 2.0)):
-        (point,) = np.flatnonzero(line & (np.abs(x[:, 0] - place) < 1e-9))
-        assert edges.side[point, tool] == 2
-        assert edges.give[point, tool] == pytest.approx((1.0 / covered - 1.0) / stiffness, rel=0.02)
-    for place in (0.0, BLOCK, 4.0 * BLOCK):
-        (point,) = np.flatnonzero(line & (np.abs(x[:, 0] - place) < 1e-9))
-        assert edges.side[point, tool] == -1
-    n_groups = run.solver._scratch.arrays.contacts.start[-1]
-    rows, pairs = (
-        run.solver._scratch.arrays.contacts.rows[:n_groups],
-        run.solver._scratch.arrays.contacts.pairs[:n_groups],
-    )
-    used = (rows[:, POINT : POINT + 8] >= 0) & (rows[:, SIDE : SIDE + 8] >= 0)
-    assert used.any() and (pairs[:, 8 * ALPHA : 8 * ALPHA + 8][used] > 0.0).all()
-
-
 def test_a_body_under_larger_plates_has_no_edges() -> None:
     run = pads(0.026)
     squeezed(run, 0.05)
-    assert len(run.solver.model.faces.nodes) == 0
+    assert run.solver.model.n_points == run.solver.model.n_surface
     assert not run.solver._scratch.arrays.contacts.rows[:, EDGED].any()
 
 
@@ -253,45 +222,6 @@ def test_a_thin_pad_presses_as_a_thick_one(half: float) -> None:
     assert held[0] == pytest.approx(held[1], rel=1e-3)
 
 
-def test_faces_count_while_a_corner_rests_on_a_thin_pad() -> None:
-    """On a pad of 1 mm: where the surface beside its edge rises past it shares change by its tilt; where all of it does
-    so, what points hold fades without steps, to nothing."""
-    run = pads(2.5 * BLOCK)
-    model, parameters, tool = run.solver.model, run.solver.parameters, 1
-    shares_of = new_shares(model.arrays, model.n_tools)
-    rest = run.body.x_rest[run.region.nodes]
-    top = rest[:, 2] > 0.05 - 1e-9
-    beside = top & (np.abs(rest[:, :2]).max(axis=1) > 2.5 * BLOCK)
-    run.tools.shape[tool, 2] = 5e-4
-    parameters.tools.shape[tool, 2] = 5e-4
-    place = run.position.copy()
-    place[tool, 2] = 0.05 + 4e-4
-    held = {}
-    for name, rising in (("beside", beside), ("all", top)):
-        shares: list[Floats] = []
-        for rise in np.linspace(0.0, 8e-3, 81):
-            x = rest.copy()
-            x[rising, 2] += rise
-            find_shares(model.arrays, parameters.arrays, x, place, run.tools.orientation, shares_of)
-            covered, all_of_it, _ = shares_of.held.T
-            shares.append(covered / np.maximum(all_of_it, 1e-300) if name == "beside" else covered.copy())
-        held[name] = np.array(shares)
-    np.testing.assert_allclose(held["beside"], np.broadcast_to(held["beside"][0], held["beside"].shape), atol=0.04)
-    assert held["all"][0].max() > 0.0 and held["all"][-1].max() == 0.0
-    assert np.abs(np.diff(held["all"], axis=0)).max() < 0.1 * held["all"].max()
-
-
-def test_slip_is_of_what_the_pad_covers() -> None:
-    """Corners beside the pad slip by what the body moves there: the pad's own surface stuck."""
-    middle = [{"min": (-1.0, -1.0, 0.02), "max": (1.0, 1.0, 0.03)}]
-    run = pads(2.1 * BLOCK, friction=20.0, fixed=middle)
-    squeezed(run, 0.15)
-    pad = np.abs(run.body.x_rest[run.region.nodes][run.solver.model.node][:, :2]).max(axis=1)
-    slips = np.linalg.norm(run.solver._committed.slip, axis=2).max(axis=1)
-    told = run.step().slip
-    assert told > slips[pad < 2.5 * BLOCK].max() and told < 0.5 * slips[pad > 2.5 * BLOCK].max()
-
-
 def test_what_sticks_at_an_edge_does_not_creep() -> None:
     """A pad that covers points in part, dragged until some of them slide, then held: the pull stays."""
     middle = [{"min": (-1.0, -1.0, 0.02), "max": (1.0, 1.0, 0.03)}]
@@ -303,20 +233,3 @@ def test_what_sticks_at_an_edge_does_not_creep() -> None:
     pulls = [run.run(0.5)[-1].wrench[1, 0] for _ in range(3)]
     assert abs(pulls[0]) > 0.5
     np.testing.assert_allclose(pulls[1:], pulls[0], rtol=1e-4)
-
-
-def test_a_point_on_a_seam_knows_the_faces_across() -> None:
-    """Solved by the cells on one side, it is as stiff as in the whole body; it knew half of its faces."""
-    whole = pads(2.5 * BLOCK)
-    cells = [np.flatnonzero(whole.body.cell_grid[:, 0] == k).astype(np.int32) for k in range(4)]
-    seam = np.intersect1d(whole.body.cell_nodes[cells[1]], whole.body.cell_nodes[cells[2]]).astype(np.int32)
-    half = PbdRun(whole.scene, cells=np.concatenate(cells[:2]), seam=seam)
-    gives = []
-    for run in (whole, half):
-        run.step()
-        edges = run.solver._scratch.arrays.contacts.shares
-        node = run.region.nodes[run.solver.model.node]
-        gives.append({n: g for n, g in zip(node, edges.give[:, 1], strict=True) if n in seam and g > 0.0})
-    assert len(gives[0]) == 2 * 2
-    assert gives[1].keys() == gives[0].keys()
-    assert list(gives[1].values()) == pytest.approx(list(gives[0].values()), rel=1e-6)

@@ -16,25 +16,17 @@ from softseam_protocol.messages.participant import BodyState
 from softseam_protocol.scene.file import bundle_scene
 from softseam_services.body.region import build_region, shared_nodes
 from softseam_services.fem.face_forces import spread_over_faces, surface_point_of_node
-from softseam_services.fem.kernels.cover import covered, pressed_side, see
 from softseam_services.fem.kernels.fields import gather_forces
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.shapes.branches import BOX
-from softseam_services.tools.face_points import PATCHES, touched_faces
-from softseam_services.tools.kernels import overlap, rotate, side_gap, tool_gap
+from softseam_services.tools.face_points import touched_faces
+from softseam_services.tools.kernels import tool_gap
 
 # A bonded pad of 3 x 3 cm on both ends of a cube of 5 cm, E = 20 kPa, nu = 0.45, neo-Hookean: force [N] at nominal
 # compressions of 5, 10 and 15 %, graded hex20 extrapolated over three meshes; its own uncertainty is 1 %.
 REFERENCE = np.array([1.604, 3.251, 4.947])
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
-_ALONG = (2.0 * np.arange(PATCHES) + 1.0) / PATCHES - 1.0
-PLACES = np.array([(s, t) for s in _ALONG for t in _ALONG])
-"""of patches along u = y and v = x of a face that looks down"""
-FLAT = np.array(
-    [[0.0, 0, 0], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0], [-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]]
-)
-"""its nodes, numbered as in FACE_NODES"""
 
 
 def pads(n_cells: int, edge: float = 0.03, aside: float = 0.0, clear: float = 0.0, step: float = 0.02) -> FemRun:
@@ -116,72 +108,6 @@ def test_pads_that_carry_press_as_pads_at_rest(speed: float) -> None:
     np.testing.assert_allclose(carried.x - travelled, rest.x, atol=1e-7)
 
 
-def test_coverage_is_the_area_of_the_overlap() -> None:
-    assert overlap(0.0, 1.0, 3.0) == 1.0
-    assert overlap(3.0, 1.0, 3.0) == pytest.approx(0.5)
-    assert overlap(0.0, 2.0, 0.5) == pytest.approx(0.25)
-    assert overlap(9.0, 1.0, 3.0) == 0.0
-    # a face of 2 x 2 at z = 0 that looks down, a box below it
-    half, at = np.array([0.6, 5.0, 0.5]), np.array([0.0, 0.0, -0.5])
-    shares = [_covered(FLAT, s, t, half, at) for s, t in PLACES]
-    assert np.mean([share for share, _, _ in shares]) == pytest.approx(0.6)
-    assert [whole for _, whole, _ in shares] == pytest.approx([0.6] * PATCHES**2)
-    assert {side for _, _, side in shares} == {5}
-    assert side_gap(5, half, at, UPRIGHT, np.array([0.9, 0.0, 0.1])) == (pytest.approx(0.1), 0.0, 0.0, 1.0)
-    # from the other side of the box its faces do not count
-    assert _covered(FLAT, 0.25, 0.25, half, -at)[2] == -1
-
-
-@pytest.mark.parametrize("bulge", [0.0, 0.3, -0.3])
-def test_patches_of_a_curved_face_cover_it_once(bulge: float) -> None:
-    """A face whose middle line has moved along y, so that its patches are not alike: what a box covers of them adds up
-    to what it covers of the face, wherever its edge is, and a face that begins at the edge is not covered at all."""
-    x = FLAT.copy()
-    x[[0, 3, 4], 1] += bulge
-    place = PLACES + np.array([1.0, 0.0]) / PATCHES, PLACES - np.array([1.0, 0.0]) / PATCHES
-    width = [_curved(before[0], bulge) - _curved(after[0], bulge) for before, after in zip(*place, strict=True)]
-    for edge in np.linspace(-1.2, 1.2, 25):
-        half, at = np.array([5.0, 4.0, 0.5]), np.array([0.0, edge - 4.0, -0.5])
-        shares = [_covered(x, s, t, half, at)[0] for s, t in PLACES]
-        total = np.dot(shares, width) / PATCHES
-        assert total == pytest.approx(np.clip(edge + 1.0, 0.0, 2.0), abs=1e-12)
-
-
-@pytest.mark.parametrize("degrees, faced, kept", [(30, 5, 5), (44, 5, 5), (46, 1, 5), (62, 1, 5), (65, 1, 1)])
-def test_a_face_goes_on_with_the_side_that_presses_it(degrees: float, faced: int, kept: int) -> None:
-    """A face that looks at the edge between a box's side +z and -y, turned ever more towards -y."""
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    x = FLAT @ np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
-    half = np.array([5.0, 5.0, 5.0])
-    at = np.array([0.0, half[1] - 0.1, 0.1 - half[2]])
-    assert _covered(x, 0.25, 0.25, half, at)[2] == faced
-    assert _covered(x, 0.25, 0.25, half, at, pressed=5)[2] == kept
-    for other in (0, 2, 3, 4):
-        assert _covered(x, 0.25, 0.25, half, at, pressed=other)[2] == faced
-    # of a plate that is thinner than twice what the face lies below its top, nothing goes on with the top
-    thin, below = np.array([5.0, 5.0, 0.09]), np.array([0.0, half[1] - 0.1, 0.01])
-    assert _covered(x, 0.25, 0.25, thin, below, pressed=5)[2] == (-1 if faced == 5 else faced)
-
-
-@pytest.mark.parametrize(
-    "turned", [UPRIGHT, np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])], ids=["upright", "turned"]
-)
-def test_the_side_that_pressed_is_the_one_that_forces_point_along(turned: np.ndarray) -> None:
-    """Of the second of three faces, with one point of the next; seen from the tool's frame."""
-    face_of = np.array([0, 1, 1, 1, 2], dtype=np.int32)
-    contact = np.zeros((5, 2, 9))
-    contact[0, 1, :3] = contact[4, 1, :3] = 0.0, 9.0, 0.0
-    assert pressed_side(face_of, 1, contact, 1, turned) == -1
-    for axis in range(3):
-        for sign, side in ((1.0, axis + 3), (-1.0, axis)):
-            force = np.full(3, 0.4)
-            force[axis] = sign
-            contact[1:4, 1, :3] = [rotate(turned, *force)] * 3
-            contact[1, 1, :3] *= -0.5
-            assert pressed_side(face_of, 1, contact, 1, turned) == side
-            assert pressed_side(face_of, 1, contact, 0, turned) == -1
-
-
 def test_tofu_squeezed_to_three_fifths_between_pads_comes_to_rest() -> None:
     """Faces bend round the pads' edges by 45 degrees. Where the side that presses was chosen anew in each step, all of
     the hold took up to 90 iterations a step, and points went 4.1 mm along the pads."""
@@ -204,21 +130,6 @@ def test_tofu_squeezed_to_three_fifths_between_pads_comes_to_rest() -> None:
     simulation.close()
     assert max(iterations[-5:]) <= 12
     assert max(slip) < 1.3e-3
-
-
-def _covered(
-    x: np.ndarray, s: float, t: float, half: np.ndarray, at: np.ndarray, pressed: int = -1
-) -> tuple[float, float, int]:
-    """What an upright box covers of the patch of a face x (9, 3) around s, t; its point lies on the plane's middle."""
-    face = np.empty((9, 3))
-    see(x, np.arange(9), at, UPRIGHT, face)
-    share, whole, side = covered(face, np.array([t, s, 0.0]), PATCHES, np.array([s, t]), half, at, UPRIGHT, pressed)
-    return share, whole, side
-
-
-def _curved(s: float, bulge: float) -> float:
-    """y of a place s on the face's middle lines along u."""
-    return float(s + bulge * (1.0 - s * s))
 
 
 def test_a_pad_that_ends_where_cells_do_holds_what_a_bonded_one_does() -> None:

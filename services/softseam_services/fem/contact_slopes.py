@@ -26,11 +26,9 @@ class ContactSlopes(NamedTuple):
     since: Floats
     """by s (q, 6, 3)"""
     numbers: Floats
-    """by penalty, carried part and friction (q, 6, 3)"""
-    hold: Floats
-    """penalty and carried part (2) by share of the patch, share of the face, logarithm of Young's modulus (q, 2, 3)"""
-    cover: Floats
-    """those shares (2) by the places of a face's nodes at the start (q, 2, 9, 3) [1/m]"""
+    """by penalty and friction (q, 6, 2)"""
+    penalty: Floats
+    """by the logarithm of Young's modulus (q,) [N/m]"""
     met: Floats
     """force by the places that a point comes from and flies to (2), where it meets a plane between them (q, 2, 3, 3)"""
     anchored: NDArray[np.bool_]
@@ -58,9 +56,8 @@ def build_slopes(work: Work) -> ContactSlopes:
         place=np.zeros((q, 6, 3)),
         multiplier=np.zeros((q, 6, 3)),
         since=np.zeros((q, 6, 3)),
-        numbers=np.zeros((q, 6, 3)),
-        hold=np.zeros((q, 2, 3)),
-        cover=np.zeros((q, 2, 9, 3)),
+        numbers=np.zeros((q, 6, 2)),
+        penalty=np.zeros(q),
         met=np.zeros((q, 2, 3, 3)),
         anchored=np.zeros(q, dtype=np.bool_),
         margin=np.zeros(q),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.scene.kinds import ELEMENTS as FACTS
 from softseam_protocol.scene.models import FemSpec
-from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.body import Body, Ints, Region
 from softseam_services.body.contact_points import is_embedded
 from softseam_services.body.interpolate import point_weights
 from softseam_services.body.slivers import root_octants
@@ -90,10 +90,6 @@ class FemModel(NamedTuple):
     point_face: Ints
     """face that a point inside it belongs to; these come last, p counts them too. AT_NODE, ALONE or SPREAD of
     kernels/contact.py at other points (p,)"""
-    point_patch: Floats
-    """as `FacePoints.patch`, 0 at other points (p, 2)"""
-    face_nodes: Ints
-    """as of `FacePoints` (f, 9)"""
     faces: Ints
     """cell, and number in it as of `FACE_NODES`, of each face with points inside (f, 2)"""
     at_faces: NDArray[np.bool_]
@@ -146,8 +142,6 @@ class Connectivity:
             "point_local": local.astype(np.int32),
             "point_cell": point_cell,
             "point_face": np.concatenate([np.where(alone, outside, AT_NODE), inner.face]).astype(np.int32),
-            "point_patch": np.concatenate([np.zeros((len(region.points), 2)), inner.patch]),
-            "face_nodes": inner.face_nodes,
             "faces": faces,
             "at_faces": at_faces,
         }

@@ -29,14 +29,13 @@ from softseam_services.fem.model import FemModel
 from softseam_services.fem.octants import Octants, count_octants
 from softseam_services.fem.rule import Rule, build_rule, cell_shapes
 from softseam_services.jit import record
-from softseam_services.tools.face_points import SOFT, face_points, point_edges
+from softseam_services.tools.face_points import face_points, point_edges
+from softseam_services.tools.kernels import DENSE
 from softseam_services.tools.tool_set import ToolSet
 
-# In steps too short for that, r is this many times the inertia of the layer rho h/3 that a point stands for, at nodes
-# and at points inside faces: multipliers lag, and gain energy where r dt^2 is less than the mass they move
-# (kernels/contact.py). Nodes of hex27 faces share their mass otherwise than points do: of what points inside such faces
-# move, some has r dt^2 = 0.055 of this times its mass, which 8 was too few for (docs/decisions/20).
-FIRM, FIRM_INSIDE = 20.0, 24.0
+# In steps too short for that, r at nodes is this many times the inertia of the layer rho h/3 that a node stands for:
+# multipliers lag, and gain energy where r dt^2 is less than the mass they move (kernels/contact.py).
+FIRM = 20.0
 
 
 @record
@@ -89,8 +88,8 @@ class FemParameters(NamedTuple):
     point_stiffness: Floats
     """r, 0 at points that are for display only (p,) [N/m]"""
     swiftness: Floats
-    """FIRM rho h/3 over PENALTY E/h, h the spacing of nodes, inside faces FIRM_INSIDE over SOFT: the square of the step
-    below which r is more than what statics ask (p,) [s^2]"""
+    """FIRM rho h/3 over PENALTY E/h, h the spacing of nodes: the square of the step below which r at nodes is more than
+    what statics ask (p,) [s^2]"""
     face_edge: Floats
     """as `FacePoints.edge` (f,) [m]"""
     own_gradient: Floats
@@ -205,13 +204,13 @@ def _contact(model: FemModel, body: Body, region: Region, functions: Functions) 
     young = np.array([each.young for each in body.materials])[material]
     density = np.array([each.density for each in body.materials])[material]
     counts = [len(region.points), len(inner.cell)]
-    factor, firm = np.repeat([PENALTY, SOFT], counts), np.repeat([FIRM, FIRM_INSIDE], counts)
+    factor = np.repeat([PENALTY, DENSE], counts)
     area = np.concatenate([body.surface.area[region.points], inner.area])
     weight, x_rest = np.concatenate([weight, inner.weight]), body.x_rest[region.nodes]
     return {
         "point_weight": weight,
         "friction_factor": body.friction_field.at_points(x_rest, model.point_ptr, model.point_node, weight),
         "point_stiffness": factor * (young / spacing) * area,
-        "swiftness": firm / factor * density * spacing**2 / (3.0 * young),
+        "swiftness": FIRM / factor * density * spacing**2 / (3.0 * young),
         "face_edge": inner.edge,
     }

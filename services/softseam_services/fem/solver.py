@@ -31,6 +31,7 @@ from softseam_services.fem.structures import Tables
 from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.fem.work import Work, build_work
 from softseam_services.request_check import problem_of, problem_of_correction, problem_of_target
+from softseam_services.tools.edged import with_round_edges
 from softseam_services.tools.tool_set import ToolSet
 from softseam_services.tools.travel import parts_needed
 from softseam_services.totals import Totals
@@ -68,7 +69,7 @@ class FemSolver:
         self._step: tuple[int, int] | None = None
         self._request: Advance  # the last
         self._result: StepResult  # of that
-        self._tools = at_rest(tools)
+        self._tools = at_rest(with_round_edges(tools, body))
         if state is None:
             nodes, n_points = self._solved.nodes, len(self._solved.points)
             force, tool = np.zeros((n_points, 3)), np.full(n_points, -1, dtype=np.int32)

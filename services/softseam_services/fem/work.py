@@ -81,7 +81,7 @@ class Work(NamedTuple):
     """per pair: stiffness [N/m], the part that is carried over, the gap that is left [m], the pace, and s of
     tools/kernels/patch.py [m]"""
     side: NDArray[np.int8]
-    """per pair: side of the box that covers the point, -1 where the tool's gap counts, SWEPT or FLAT"""
+    """per pair: side of the box that the point faces, -1 where the tool's gap counts, or SWEPT"""
     plane: Floats
     """per pair: normal and distance of a plane in the tool's frame, where `side` says so (4,)"""
     state: NDArray[np.int8]

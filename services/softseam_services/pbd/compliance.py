@@ -15,13 +15,11 @@ from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import record
 
 from .kernels.block import new_workspace
-from .kernels.patch import find_patch_shares
 from .kernels.probe import probe_seam
-from .kernels.share import find_shares
 from .kernels.thread_team import new_team
 from .model import PbdModel
 from .parameters import PbdParameters, block_softness
-from .records import Scratch, new_inputs, new_scratch, new_shares
+from .records import Scratch, new_inputs, new_scratch
 from .state import PbdState, new_state
 from .two_threads import cores, share_out
 
@@ -147,7 +145,6 @@ class SeamProbe:
             tolerance=0.0,
         )
         n, p, t, b = len(ids), len(self._used), model.n_tools, blocks.n_batches
-        self._shares = new_shares(model.arrays, t)
         self._inputs = new_inputs(t, len(model.seam))
         self._seam_mass = inverse_mass[self._arrays.seam]
         beyond = edge[: len(edge) if not clamped else 0]
@@ -187,24 +184,13 @@ class SeamProbe:
         on the nodes m that the seam follows, which are the seam's own where none of them hangs. The next probe
         overwrites them.
         """
-        model, parameters, inputs = self._model, self._parameters, self._inputs
+        parameters, inputs = self._parameters, self._inputs
         edge = float(parameters.blocks.edges.min())
         n_seam, free = len(self._seam_mass), self._seam_mass[self._seam_mass > 0.0]
         if len(free) == 0:
             return np.zeros((3 * n_seam, 3 * n_seam)), self._ways
         inputs.position[:], inputs.orientation[:] = position, orientation
-        shares = self._shares
-        if len(model.faces.nodes):
-            find_shares(model.arrays, parameters.arrays, x, position, orientation, shares)
-        if len(model.outward):
-            slow = np.ones(len(position), dtype=np.bool_)
-            find_patch_shares(model.arrays, parameters.arrays, x, position, orientation, slow, shares)
         for bench in self._benches:
-            own = bench.scratch.contacts.shares
-            if len(model.faces.nodes) or len(model.outward):
-                np.take(shares.side, self._used, axis=0, out=own.side)
-                np.take(shares.plane, self._used, axis=0, out=own.plane)
-                np.take(shares.give, self._used, axis=0, out=own.give)
             np.take(x, self.ids, axis=0, out=bench.start.x)
             np.take(force, self._used, axis=0, out=bench.start.force)
 

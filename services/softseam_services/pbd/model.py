@@ -14,7 +14,6 @@ from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.tools.tool_set import ToolSet
 
 from .blocks import Blocks, CellLayout, build_blocks, cell_layout
-from .edges import Faces, OuterFaces, build_faces, find_outer_faces
 from .levels import Levels, build_levels, coarse_cells
 from .points import find_points
 from .records import ModelArrays
@@ -35,17 +34,14 @@ class Layout(NamedTuple):
     touches: NDArray[np.bool_]
     """(p, t)"""
     n_surface: int
-    outward: Floats
-    """as of `Points` (p - n_surface,)"""
     visits: Ints
     """as of `Points` (p,)"""
-    outer: OuterFaces
 
     @property
     def key(self) -> bytes:
         """What tells it from others."""
-        points = self.indptr, self.node, self.touches, self.n_surface, self.outward, self.visits
-        return key_of(*self.cells, self.coarse, self.seam, *points, *self.outer)
+        points = self.indptr, self.node, self.touches, self.n_surface, self.visits
+        return key_of(*self.cells, self.coarse, self.seam, *points)
 
 
 @dataclass(frozen=True)
@@ -67,11 +63,8 @@ class PbdModel:
     """tools that points can touch (p, t)"""
     n_surface: int
     """points of the surface; those inside faces come after them"""
-    outward: Floats
-    """as of `Points` (p - n_surface,)"""
     visits: Ints
     """as of `Points` (p,)"""
-    faces: Faces
 
     @property
     def n_nodes(self) -> int:
@@ -96,10 +89,7 @@ class PbdModel:
             indptr=self.indptr,
             node=self.node,
             touches=self.touches,
-            outward=self.outward,
             visits=self.visits,
-            face_nodes=self.faces.nodes,
-            face_point=self.faces.point,
         )
 
     def seam_force(self, force: Floats) -> Floats:
@@ -120,9 +110,7 @@ def lay_out(body: Body, region: Region, tools: ToolSet, spec: PbdSpec) -> Layout
         node=points.rows[1],
         touches=points.touches,
         n_surface=len(region.points),
-        outward=points.outward,
         visits=points.visits,
-        outer=find_outer_faces(body, region, tools),
     )
 
 
@@ -149,9 +137,7 @@ def model_of(layout: Layout) -> PbdModel:
         node=node,
         touches=touches,
         n_surface=layout.n_surface,
-        outward=layout.outward,
         visits=layout.visits,
-        faces=build_faces(cells.nodes, layout.coarse, layout.outer),
     )
 
 

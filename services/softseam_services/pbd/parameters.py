@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from softseam_protocol.scene.models import PbdSpec
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.body.errors import SettingError
+from softseam_services.tools.edged import with_round_edges
 from softseam_services.tools.tool_set import ToolSet
 
 from .block_parameters import BlockParameters, build_block_parameters, make_viscous, mean_lag
-from .edges import FaceParameters, build_face_parameters
 from .kernels.block import new_workspace
 from .kernels.damping import LEAST_KAPPA
 from .kernels.frequency import MARGIN as FREQUENCY_MARGIN
@@ -39,7 +39,6 @@ class PbdParameters:
     """with the damping that the material's viscosity asks for"""
     tools: ToolSet
     blocks: BlockParameters
-    faces: FaceParameters
     gravity: Floats
     """(3,) [m/s^2]"""
     x_rest: Floats
@@ -108,7 +107,7 @@ class PbdParameters:
     @cached_property
     def arrays(self) -> ParameterArrays:
         """The same for kernels."""
-        blocks, faces, tools, damping = self.blocks, self.faces, self.tools, self.spec.damping
+        blocks, tools, damping = self.blocks, self.tools, self.spec.damping
         return ParameterArrays(
             mass=self.mass,
             inverse_mass=self.inverse_mass,
@@ -124,10 +123,6 @@ class PbdParameters:
             point_give=self.point_give,
             point_lag=self.point_lag,
             friction_factor=self.friction_factor,
-            edged=faces.edged,
-            face_stiffness=faces.stiffness,
-            face_edge=faces.edge,
-            whole=faces.whole,
             kind=tools.kind,
             shape=tools.shape,
             reach=tools.reach,
@@ -168,9 +163,8 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
     rate = frequency / _limit(model, body, region, spec)
     return PbdParameters(
         spec=spec,
-        tools=tools,
+        tools=with_round_edges(tools, body),
         blocks=make_viscous(blocks, rate * spec.damping.stiffness),
-        faces=build_face_parameters(model.faces, body, region, tools),
         gravity=body.gravity,
         x_rest=x_rest,
         own_mass=region.mass,

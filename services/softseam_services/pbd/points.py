@@ -1,7 +1,8 @@
 """Points of a region at which tools touch: those of the body's surface, then points inside faces of cells.
 
-On a block the former are nodes, half a cell apart, and what is round passes between them. So planes and boxes touch
-there, and all other tools inside faces, at the middles of 2 x 2 patches a block, as in FEM (tools/face_points.py).
+On a block the former are nodes, half a cell apart, and what is round, or has an edge, passes between them. So planes
+and boxes that cover the block touch there, and all other tools inside faces, at the middles of 2 x 2 patches a block,
+as in FEM (tools/face_points.py).
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from softseam_services.body.contact_points import is_embedded, point_stiffness
 from softseam_services.body.interpolate import point_weights
 from softseam_services.body.outer_faces import outer_faces
 from softseam_services.shapes.branches import CYLINDER
-from softseam_services.tools.face_points import FacePoints, face_points, round_tools
+from softseam_services.tools.edged import pressing_between
+from softseam_services.tools.face_points import FacePoints, face_points
 from softseam_services.tools.kernels import DENSE, LIGHT, WIDE, sag_by
 from softseam_services.tools.tool_set import ToolSet
 
@@ -41,25 +43,23 @@ class Points(NamedTuple):
     lag: Floats
     """how much farther a point that is pressed firmly is inside a tool for its being round, (1 - LIGHT/DENSE) s of
     tools/kernels/patch.py (p, t) [m]"""
-    outward: Floats
-    """as of `FacePoints`, of those inside faces (p - k,)"""
     visits: Ints
     """the order in which contacts take them (p,)"""
 
 
 def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Points:
     """The points of a region, of whose cells those that are `coarse` (c,) are one block. Inside faces there are none
-    without round tools."""
+    without tools that press between nodes."""
     indptr, node, weight = point_weights(body, region, "hex8")
     touches = np.tile(body.surface.area[region.points][:, None] > 0.0, len(tools.names))
     give, lag = np.zeros(len(touches)), np.zeros(touches.shape)
     if is_embedded(body):
         stiffness = point_stiffness(body, region, np.full(len(give), 0.5 * body.resolution))
         np.divide(1.0, stiffness, out=give, where=stiffness > 0.0)
-    between = round_tools(tools, body) & ~_thin_discs(tools, body)
+    between = pressing_between(tools, body) & ~_thin_discs(tools, body)
     if not between.any():
         visits = _by_colours(body, region, indptr, node)
-        return Points((indptr, node, weight), touches, give, lag, np.zeros(0), visits)
+        return Points((indptr, node, weight), touches, give, lag, visits)
     inner = face_points(body, region, outer_faces(body, region), "hex8")
     h = inner.edge[inner.face] * np.where(coarse[inner.cell], 1.0, 0.5)  # of blocks
     touches &= ~(between & np.isin(node, inner.node)[:, None])
@@ -71,8 +71,7 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
         ),
         np.concatenate([touches, np.tile(between, (len(inner.cell), 1))]),
         np.concatenate([give, h / (DENSE * _young(body, region, inner) * inner.area)]),
-        np.concatenate([lag, (1.0 - LIGHT / DENSE) * _sag(tools.half_width, h[:, None])]),
-        inner.outward,
+        np.concatenate([lag, (1.0 - LIGHT / DENSE) * tools.bends * _sag(tools.half_width, h[:, None])]),
         np.arange(len(touches) + len(inner.cell), dtype=np.int32),
     )
 

@@ -21,7 +21,7 @@ from .kernels.summary import N_RESULTS
 
 @record
 class ModelArrays(NamedTuple):
-    """Structure, as of `PbdModel`: n nodes, c cells, b batches, p points, f faces."""
+    """Structure, as of `PbdModel`: n nodes, c cells, b batches, p points."""
 
     blocks: Ints
     """nodes of the blocks (b, 8, LANES)"""
@@ -31,11 +31,7 @@ class ModelArrays(NamedTuple):
     indptr: Ints
     node: Ints
     touches: NDArray[np.bool_]
-    outward: Floats
     visits: Ints
-    face_nodes: Ints
-    """as of `Faces` (f, 4), and so are the points"""
-    face_point: Ints
 
 
 @record
@@ -62,11 +58,6 @@ class ParameterArrays(NamedTuple):
     """(p, t)"""
     friction_factor: Floats
     """(p,)"""
-    # faces
-    edged: NDArray[np.bool_]
-    face_stiffness: Floats
-    face_edge: Floats
-    whole: Floats
     # tools
     kind: NDArray[np.int64]
     shape: Floats
@@ -116,24 +107,6 @@ class Outputs(NamedTuple):
 
 
 @record
-class Shares(NamedTuple):
-    """How much tools with edges cover of what points stand for, see `kernels.share`: p points, f faces, t tools."""
-
-    side: Ints
-    """side of the tool that covers a part of what the point stands for, FLAT where that is a face of a tool that is no
-    box, FIRM under one that goes by, -1 where it covers all or nothing (p, t)"""
-    plane: Floats
-    """of that face: normal and distance in the tool's frame (p, t, 4)"""
-    give: Floats
-    """compliance of contact there (p, t) [m/N]"""
-    patches: Ints
-    """which patches of a face that it presses the tool covers, as bits (f, t)"""
-    held: Floats
-    """of each point the stiffness that a tool covers, that of all faces that look at it, less what has faded, and the
-    latter as far as it yields to a strip (p, 3) [N/m]"""
-
-
-@record
 class Contacts(NamedTuple):
     """Points that may touch tools in a step, t tools, and their places now; see `kernels.pairs` and `kernels.hold`."""
 
@@ -143,7 +116,7 @@ class Contacts(NamedTuple):
     clear: Floats
     """least gap of a group that nothing touched when it was found; -inf once one of its points may touch (p t,) [m]"""
     found: Floats
-    """of the points, see `kernels.pairs` (p, 3)"""
+    """of the points, see `kernels.pairs` (p, 4)"""
     found_at: Floats
     """xw as pairs were found (n + 8, 4)"""
     before: Floats
@@ -164,7 +137,8 @@ class Contacts(NamedTuple):
     """see `kernels.tool_motion` (2, t, 12)"""
     point_x: Floats
     """places of the points (p, 3) [m]"""
-    shares: Shares
+    slow: NDArray[np.bool_]
+    """tools that go by less than a patch in the step (t,)"""
 
 
 @record
@@ -217,13 +191,6 @@ def new_outputs(t: int, c: int) -> Outputs:
     return Outputs(np.zeros((t, 6)), np.zeros(c), np.zeros(N_RESULTS))
 
 
-def new_shares(model: ModelArrays, t: int) -> Shares:
-    """Room for t tools."""
-    p, f = len(model.touches), len(model.face_nodes)
-    side, patches = np.full((p, t), -1, dtype=np.int32), np.zeros((f, t), dtype=np.int32)
-    return Shares(side, np.zeros((p, t, 4)), np.zeros((p, t)), patches, np.zeros((p, 3)))
-
-
 def new_contacts(model: ModelArrays, n: int, t: int) -> Contacts:
     """Room for n nodes and t tools."""
     p, b = len(model.touches), len(model.blocks)
@@ -232,7 +199,7 @@ def new_contacts(model: ModelArrays, n: int, t: int) -> Contacts:
         rows=np.zeros((p * t, N_ROWS), dtype=np.int32),
         pairs=aligned(p * t, WIDTH),
         clear=np.zeros(p * t),
-        found=np.zeros((p, 3)),
+        found=np.zeros((p, 4)),
         found_at=aligned(n + 8, 4),
         before=aligned(n + 8, 4),
         travel=np.zeros(t),
@@ -244,7 +211,7 @@ def new_contacts(model: ModelArrays, n: int, t: int) -> Contacts:
         orientation=np.zeros((2, t, 4)),
         motion=np.zeros((2, t, 12)),
         point_x=np.zeros((p, 3)),
-        shares=new_shares(model, t),
+        slow=np.ones(t, dtype=np.bool_),
     )
 
 

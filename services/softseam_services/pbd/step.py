@@ -18,8 +18,6 @@ from .kernels import summary as k
 from .kernels.block import new_workspace
 from .kernels.leapfrog import advance_leapfrog
 from .kernels.pairs import place_points
-from .kernels.patch import find_patch_shares
-from .kernels.share import find_shares, slip_of_patches
 from .kernels.split import split_forces
 from .kernels.substep import advance_step
 from .model import PbdModel
@@ -204,21 +202,14 @@ def attempt(
     n_sweeps = parameters.spec.sweeps + number
     if watch.needs_two_sweeps(work.monitor):
         n_sweeps = max(n_sweeps, 2)
-    arrays, shares = (model.arrays, parameters.arrays), scratch.arrays.contacts.shares
+    arrays = model.arrays, parameters.arrays
     scratch.arrays.used[:] = 0
     _tell(model, inputs, n_substeps, scratch)
-    if len(model.faces.nodes):
-        find_shares(*arrays, work.x, inputs.tools.position, inputs.tools.orientation, shares)
-    if len(model.outward):
-        slow = _slow(parameters, work, inputs.tools, dt)
-        find_patch_shares(*arrays, work.x, inputs.tools.position, inputs.tools.orientation, slow, shares)
+    scratch.arrays.contacts.slow[:] = _slow(parameters, work, inputs.tools, dt)
     scratch.pair.run(
         *(n_substeps * n_sweeps, advance_step, *arrays, work, scratch.inputs, scratch.arrays, scratch.outputs),
         *(dt, n_substeps, n_sweeps),
     )
-    if len(model.faces.nodes):
-        result = scratch.outputs.result
-        result[k.SLIP] = max(result[k.SLIP], float(slip_of_patches(*arrays, work.force, work.slip, shares)))
     return n_substeps, n_sweeps
 
 

@@ -42,11 +42,11 @@ def tool_gap(kind, shape, position, orientation, point):
         return distance - shape[0], dx / distance, dy / distance, dz / distance
     x, y, z = rotate_back(orientation, dx, dy, dz)
     if kind == BOX:
-        gap, nx, ny, nz = box_gap(shape[0], shape[1], shape[2], x, y, z)
+        gap, nx, ny, nz = box_gap(shape[0], shape[1], shape[2], shape[3], x, y, z)
     elif kind == CAPSULE:
         gap, nx, ny, nz = capsule_gap(shape[0], shape[1], x, y, z)
     elif kind == CYLINDER:
-        gap, nx, ny, nz = cylinder_gap(shape[0], shape[1], x, y, z)
+        gap, nx, ny, nz = cylinder_gap(shape[0], shape[1], shape[2], x, y, z)
     elif kind == MESH:
         gap, nx, ny, nz = grid_gap(shape, x, y, z)
     else:

@@ -18,6 +18,8 @@ from softseam_services.body.surface_points import refine
 
 FINENESS = 16
 """points of an outline along the longest edge of a surface's bounding box"""
+ROUNDEST = 0.45
+"""of a solid's walls: the largest radius that its edges are rounded by"""
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
@@ -63,6 +65,11 @@ class Geometry:
     what was before the tool comes out behind it; none: not looked at"""
     slack: float = 0.0
     """depth at which the distance cannot tell touching from overlapping [m]"""
+    rounded: Callable[[float], Floats] | None = None
+    """numbers of the same shape, with edges of a radius [m], less where its walls are thin; None: it has no sharp
+    edges, or keeps them"""
+    bends: float = 1.0
+    """share of its surface that is curved [1]"""
     notes: tuple[str, ...] = ()
     """what was repaired of the file that it is from, for `softseam check`"""
 

@@ -14,8 +14,8 @@ from softseam_services.body.errors import MeshError
 from softseam_services.body.surface_check import enclosed_volume, orient, triangle_areas
 from softseam_services.body.surface_points import refine
 from softseam_services.shapes.branches import MESH
-from softseam_services.shapes.geometry import Geometry
-from softseam_services.shapes.mesh_grid import SPACING
+from softseam_services.shapes.geometry import ROUNDEST, Geometry
+from softseam_services.shapes.mesh_grid import COUNTS, ORIGIN, SPACING, VALUES
 from softseam_services.shapes.shape import Files, Shape
 from softseam_services.shapes.turns import quaternion_turning
 
@@ -35,6 +35,12 @@ _SEEN = 1.5
 _FEW = 0.05
 """share of the surface that may lie over thinner walls, as beside sharp edges [1]"""
 _KEPT = 8
+PLANE, SAME_PLANE = 1.0 / 12.0, 2e-3
+"""of a surface, what counts as flat; of a normal and of the longest edge, within which triangles lie in one plane"""
+CHAMFER = 0.7
+"""spacings: by such a radius a grid's own cells round edges already, a right angle's"""
+THINNED = 0.8
+"""of a radius by which edges are rounded: so much is taken off walls that are thinner"""
 _made: dict[tuple[str, bytes, float, str, str | int | None], ToolMesh] = {}
 
 
@@ -56,6 +62,16 @@ class ToolMesh:
         """points of the surface no farther apart than size/OUTLINE (m, 3) [m]"""
         self.notes = notes + thin
         self.row = _distance_row(self.vertices, triangles)
+        self.bends = _curved_share(self.vertices, triangles)
+        """share of the surface that is no large plane [1]"""
+        self._rounded: dict[float, Floats] = {}
+
+    def rounded(self, radius: float) -> Floats:
+        """`row`, with edges of a radius [m]."""
+        if radius not in self._rounded:
+            least = min(radius, ROUNDEST * wall_of(self.vertices, self.triangles)) - CHAMFER * float(self.row[SPACING])
+            self._rounded = {radius: _rounded_row(self.row, least) if least > 0.0 else self.row}
+        return self._rounded[radius]
 
 
 def tool_mesh(path: str, data: bytes, scale: float, up: str, part: str | int | None = None) -> ToolMesh:
@@ -88,6 +104,39 @@ def _distance_row(vertices: Floats, triangles: Ints) -> Floats:
     by_normals = igl.SignedDistanceType.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
     distance = igl.signed_distance(at, vertices, triangles.astype(np.int64), by_normals)[0]
     return np.concatenate([half, origin, [spacing], counts, distance])
+
+
+def _rounded_row(row: Floats, radius: float) -> Floats:
+    """A grid of distances with the solid's convex edges rounded as a ball of this radius that rolls inside rounds them:
+    the distance to where the solid is so deep, less the radius. Walls that are too thin for it lose THINNED of it."""
+    import igl
+
+    counts, spacing = row[COUNTS:VALUES].astype(np.int64), row[SPACING]
+    steps = [row[ORIGIN + axis] + spacing * np.arange(counts[axis]) for axis in range(3)]
+    at = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    distance = row[VALUES : VALUES + int(counts.prod())]
+    if distance.min() > -1.5 * spacing - radius:
+        return row
+    fastest = np.ascontiguousarray(distance.reshape(counts).transpose(2, 1, 0).ravel())
+    places = np.ascontiguousarray(at.reshape(*counts, 3).transpose(2, 1, 0, 3).reshape(-1, 3))
+    vertices, triangles = igl.marching_cubes(fastest, places, *(int(n) for n in counts), -radius)[:2]
+    by_normals = igl.SignedDistanceType.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
+    inner = igl.signed_distance(at, vertices, triangles.astype(np.int64), by_normals)[0]
+    rounded = np.minimum(inner - radius, distance + THINNED * radius)
+    return np.concatenate([row[:VALUES], np.maximum(rounded, distance)])
+
+
+def _curved_share(vertices: Floats, triangles: Ints) -> float:
+    """Share of a surface that belongs to no plane of at least PLANE of it [1]."""
+    area = triangle_areas(vertices, triangles)
+    size = np.linalg.norm(area, axis=1)
+    normal = area / size[:, None]
+    offset = np.einsum("ti,ti->t", normal, vertices[triangles[:, 0]])
+    length = float(np.ptp(vertices, axis=0).max())
+    keys = np.round(np.concatenate([normal / SAME_PLANE, offset[:, None] / (SAME_PLANE * length)], axis=1))
+    _, plane = np.unique(keys, axis=0, return_inverse=True)
+    of_plane = np.bincount(plane.ravel(), size)
+    return float(of_plane[of_plane < PLANE * size.sum()].sum() / size.sum())
 
 
 def wall_of(vertices: Floats, triangles: Ints) -> float:
@@ -159,6 +208,8 @@ def geometry(spec: MeshTool, files: Files) -> Geometry:
         orientation=quaternion_turning(np.array(spec.rotation)),
         surface=ToolSurface(mesh.vertices, mesh.triangles),
         slack=0.1 * float(mesh.row[SPACING]),
+        rounded=mesh.rounded,
+        bends=mesh.bends,
         notes=mesh.notes,
     )
 

@@ -1,4 +1,4 @@
-"""Tools whose edge presses into a face of a block: contact counts by the share of area that they cover."""
+"""Tools that press a block's faces between their nodes: what is round, and what has an edge on a face."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.outer_faces import is_covered_by_faces
-from softseam_services.shapes.branches import BOX
+from softseam_services.shapes.branches import BOX, PLANE
 from softseam_services.tools.kernels import rotate_back
 from softseam_services.tools.tool_set import ToolSet
 
+ROUND = 0.2
+"""radius by which edges are rounded that press into a face, in edges of its cell: points lie a quarter of one apart,
+and a sharper edge lets go of them one row at a time (docs/decisions/19)"""
 MARGIN = 0.02
 """cell edges by which a tool's face has to stand out beyond the body if no edge of it is to touch"""
 
@@ -20,20 +23,36 @@ def edged_tools(tools: ToolSet, body: Body) -> NDArray[np.bool_]:
     """Boxes whose face that looks at the body at time 0 does not cover it (t,); none where the surface is embedded."""
     edged = np.zeros(len(tools.names), dtype=np.bool_)
     if is_covered_by_faces(body):
-        edged[:] = [_has_edge(tools, tool, body) for tool in range(len(edged))]
+        margin = MARGIN * float(body.edges.min())
+        for tool in np.flatnonzero(tools.kind == BOX):
+            edged[tool] = _bared(tools, int(tool), body) > -margin
     return edged
 
 
-def _has_edge(tools: ToolSet, tool: int, body: Body) -> bool:
-    if tools.kind[tool] != BOX:
-        return False
-    turn, half = tools.orientation[tool], tools.shape[tool, :3]
+def pressing_between(tools: ToolSet, body: Body) -> NDArray[np.bool_]:
+    """Tools that press a body's faces between their nodes (t,): all but planes, and boxes that cover the block, which
+    nodes feel. None where the surface is embedded: its points are dense for every tool."""
+    return (~np.isin(tools.kind, (PLANE, BOX)) & is_covered_by_faces(body)) | edged_tools(tools, body)
+
+
+def with_round_edges(tools: ToolSet, body: Body) -> ToolSet:
+    """The tools as the body feels them: no edge is rounded by more than the body stands out beyond it at time 0."""
+    radius = np.zeros(len(tools.names))
+    for tool in np.flatnonzero(pressing_between(tools, body)):
+        if tools.geometry[tool].rounded is not None:
+            radius[tool] = np.clip(_bared(tools, int(tool), body), 0.0, ROUND * body.resolution)
+    return tools.rounded(radius)
+
+
+def _bared(tools: ToolSet, tool: int, body: Body) -> float:
+    """How far the body stands out beyond the edges of the tool's face that looks at it at time 0 [m]; less than 0 where
+    the face covers it."""
+    turn, shape = tools.orientation[tool], tools.geometry[tool]
+    half = np.array([shape.reach_along(axis) for axis in np.eye(3)])
     points = rest_points(body) - tools.position[tool]
     own = np.array([rotate_back(turn, *p) for p in (points.min(axis=0), points.max(axis=0))])
     if not np.array_equal(turn, [1.0, 0.0, 0.0, 0.0]):
         own = np.array([rotate_back(turn, *p) for p in points])
     low, high = own.min(axis=0), own.max(axis=0)
     facing = int(np.argmax(np.abs(0.5 * (low + high)) / half))
-    margin = MARGIN * float(body.edges.min())
-    beside = [axis for axis in range(3) if axis != facing]
-    return any(low[axis] - margin < -half[axis] or high[axis] + margin > half[axis] for axis in beside)
+    return max(float(max(high[axis], -low[axis]) - half[axis]) for axis in range(3) if axis != facing)

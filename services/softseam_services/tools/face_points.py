@@ -1,9 +1,8 @@
 """Contact points inside the faces of cells, for tools that are round, or whose edge presses into a face of a block.
 
 A node of the surface is inside a tool's face or beside it; with nodes alone the pressed area comes in steps of half a
-cell, and so does the force, and what is thinner than a cell is missed between them. Points at the middles of 4 x 4
-patches a face know which part of their patch a box covers (`kernels.cover`). Such tools touch at these points and at no
-node.
+cell, and so does the force, and what is thinner than a cell is missed between them. Such tools touch at points at the
+middles of 4 x 4 patches a face, and at no node.
 """
 
 from __future__ import annotations
@@ -17,24 +16,21 @@ from numpy.typing import NDArray
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.interpolate import FUNCTION_NUMBER, Functions, hex27
 from softseam_services.body.kernels.shape_functions import fill_weights
-from softseam_services.body.outer_faces import FACE_NODES, is_covered_by_faces, outer_faces
+from softseam_services.body.outer_faces import FACE_NODES, outer_faces
 from softseam_services.body.own_shapes import cell_volumes
 from softseam_services.body.region import node_of_point
-from softseam_services.shapes.branches import BOX, PLANE
-from softseam_services.tools.edged import edged_tools
+from softseam_services.tools.edged import pressing_between
 from softseam_services.tools.tool_set import ToolSet
 
 Mask = NDArray[np.bool_]
 
 PATCHES = 4
 """along each edge of a face"""
-SOFT = 8.0
-"""contact penalty at these points, E A/h with h the spacing of nodes; see the decision notes"""
 
 
-def _middles() -> tuple[Floats, Floats, Floats]:
-    """Places of the patches of each face in the cell (6, 16, 3), derivatives of the cell's functions along u and v
-    there (6, 16, 27, 2), and the places along u and v as of `FACE_NODES` (6, 16, 2)."""
+def _middles() -> tuple[Floats, Floats]:
+    """Places of the patches of each face in the cell (6, 16, 3), and derivatives of the cell's functions along u and v
+    there (6, 16, 27, 2)."""
     at = (2.0 * np.arange(PATCHES) + 1.0) / PATCHES - 1.0
     along = np.stack([np.repeat(at, PATCHES), np.tile(at, PATCHES)], axis=1)
     place, slope = np.empty((6, PATCHES**2, 3)), np.empty((6, PATCHES**2, 27, 2))
@@ -46,11 +42,10 @@ def _middles() -> tuple[Floats, Floats, Floats]:
         for point, out in zip(place[face], slope[face], strict=True):
             hex27(point, value, full)
             out[:] = full[:, [u, v]]
-    sides = np.tile([-1.0, 1.0], 3)
-    return place, slope, np.stack([np.stack([along[:, 0], side * along[:, 1]], axis=1) for side in sides])
+    return place, slope
 
 
-_MIDDLES, _SLOPES, _PATCHES = _middles()
+_MIDDLES, _SLOPES = _middles()
 
 
 @dataclass(frozen=True)
@@ -65,24 +60,12 @@ class FacePoints:
     """(q,)"""
     area: Floats
     """(q,) [m^2]"""
-    outward: Floats
-    """1 where u x v of the point's patch points out of the body, -1 where inwards (q,)"""
-    patch: Floats
-    """middle of the point's patch along u and v, each in [-1, 1] (q, 2)"""
     edge: Floats
     """of the face's cell, see `cell_edges` (f,) [m]"""
-    face_nodes: Ints
-    """local ids, as `FACE_NODES` (f, 9)"""
     indptr: Ints
     node: Ints
     weight: Floats
     """as of `point_weights`"""
-
-
-def round_tools(tools: ToolSet, body: Body) -> Mask:
-    """Tools that press a body's faces between their nodes (t,): all but planes and boxes, which nodes feel, and shares
-    of faces (`edged_tools`). None where the surface is embedded: its points are dense for every tool."""
-    return ~np.isin(tools.kind, (PLANE, BOX)) & is_covered_by_faces(body)
 
 
 def touched_faces(body: Body, region: Region, tools: ToolSet | None) -> tuple[Mask, Mask, Ints]:
@@ -95,7 +78,7 @@ def touched_faces(body: Body, region: Region, tools: ToolSet | None) -> tuple[Ma
     own = node_of_point(body)[region.points]
     owns = len(region.seam) == 0 or bool(np.isin(own, region.nodes[region.seam]).any())
     if tools is not None and owns:
-        at_faces = edged_tools(tools, body) | round_tools(tools, body)
+        at_faces = pressing_between(tools, body)
     outer = outer_faces(body, region) if at_faces.any() else np.zeros((0, 2), dtype=np.int32)
     held = np.isin(own, region.nodes[np.unique(_nodes(region, outer))])
     return at_faces, ~held, outer
@@ -106,7 +89,6 @@ def face_points(body: Body, region: Region, faces: Ints, functions: Functions) -
     carrier, side = faces.T
     nodes = _nodes(region, faces)
     area = _areas(body, region, faces)
-    patch = _PATCHES[side].reshape(-1, 2)
     cell, local = np.repeat(carrier, PATCHES**2), _MIDDLES[side].reshape(-1, 3)
     indptr = np.zeros(len(cell) + 1, dtype=np.int32)
     node, weight = np.empty(27 * len(cell), dtype=np.int32), np.empty(27 * len(cell))
@@ -116,10 +98,7 @@ def face_points(body: Body, region: Region, faces: Ints, functions: Functions) -
         local=local,
         face=np.repeat(np.arange(len(nodes), dtype=np.int32), PATCHES**2),
         area=area.ravel(),
-        outward=np.repeat(2.0 * (side % 2) - 1.0, PATCHES**2),
-        patch=patch,
         edge=cell_edges(body, region.cells[carrier]),
-        face_nodes=np.ascontiguousarray(nodes, dtype=np.int32),
         indptr=indptr,
         node=node[:count].copy(),
         weight=weight[:count].copy(),

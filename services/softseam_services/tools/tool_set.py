@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -55,6 +55,21 @@ class ToolSet:
     def half_width(self) -> NDArray[np.float64]:
         """As of each one's geometry (t,) [m]"""
         return np.array([each.half_width for each in self.geometry])
+
+    @cached_property
+    def bends(self) -> NDArray[np.float64]:
+        """As of each one's geometry (t,) [1]"""
+        return np.array([each.bends for each in self.geometry])
+
+    def rounded(self, radius: NDArray[np.float64]) -> ToolSet:
+        """The same tools with edges of these radii (t,) [m], and less where walls are thin; 0 leaves one as it is."""
+        shape = self.shape.copy()
+        for tool in np.flatnonzero(radius):
+            make = self.geometry[tool].rounded
+            if make is not None:
+                numbers = make(float(radius[tool]))
+                shape[tool, : len(numbers)] = numbers
+        return replace(self, shape=shape)
 
     @cached_property
     def short(self) -> list[float]:

@@ -1,9 +1,8 @@
 """Candidates for contact: which points may touch which tools in a step, and what each begins with (contact.py).
 
 On an embedded surface a tool presses by p = -r g with r = 20 E A/h (body/contact_points.py), and nothing is carried
-over (c = 0). So it is inside faces with a tool that is no box, with the r of tools/kernels/patch.py. There are more
-points than a face has freedoms, and a gap of zero at all of them would flatten what curves within a cell
-(docs/decisions/43, 45).
+over (c = 0). So it is inside faces, with the r of tools/kernels/patch.py. There are more points than a face has
+freedoms, and a gap of zero at all of them would flatten what curves within a cell (docs/decisions/43, 45).
 """
 
 from __future__ import annotations
@@ -11,17 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.fem.kernels.contact import ANCHOR, AT_NODE, OPEN, SPREAD, SWEPT, coefficient, point_position
-from softseam_services.fem.kernels.cover import CARRY_POWER, covered, entered, faced_side, pressed_side, see
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, PLANE
-from softseam_services.tools.face_points import PATCHES, SOFT
 from softseam_services.tools.kernels import (
-    DENSE,
-    FLAT,
     SLOW,
-    cover_patch,
-    has_flats,
-    plane_gap,
     rotate,
     rotate_back,
     sag_under,
@@ -31,16 +23,13 @@ from softseam_services.tools.kernels import (
     tool_gap,
 )
 
-_BESIDE = 0.25
-"""depth below a side of a box, in edges of the face's cell: a point so deep when the step begins and when it ends, and
-that did not touch before, came in beside that side"""
 _NOBODY, SEVERAL = -1, -2
 _ORIGIN, _UPRIGHT = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
 def firmness(model, parameters, point, inertia):
-    """Factor on a point's stiffness that keeps r at FIRM times the inertia of what the point stands for [1]."""
+    """Factor on r at a node that keeps it at FIRM times the inertia of what the node stands for [1]."""
     return max(1.0, parameters.swiftness[point] * inertia)
 
 
@@ -102,19 +91,17 @@ def meets(tools, tool, start, end, plane):
 
 
 @njit(cache=True, error_model="numpy")
-def cover(x, model, parameters, point, xp, tools, tool, plane):
-    """`cover_patch` of a point inside a face, at xp (3,) where nodes are at x (n, 3), by a tool as the step begins."""
-    face = model.point_face[point]
-    number = (point - len(model.point_face)) % PATCHES**2  # these come last, and face by face
-    up, on = 1 - 2 * (number // PATCHES % 2), 1 - 2 * (number % 2)
-    u, v = np.empty(3), np.empty(3)
-    point_position(x, model, parameters, point + PATCHES * up, u)
-    point_position(x, model, parameters, point + on, v)
-    for i in range(3):
-        u[i], v[i] = up * (u[i] - xp[i]), on * (v[i] - xp[i])
-    outward = 1.0 if model.faces[face, 1] % 2 else -1.0
-    kind, shape = tools.kind[tool], tools.shape[tool]
-    return cover_patch(kind, shape, tools.position[tool], tools.orientation[tool], xp, u, v, outward, plane)
+def faced_side(shape, position, orientation, point):
+    """Side of a box that a point (3,) outside faces, of one inside the nearest; -1 past an edge."""
+    p = rotate_back(orientation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
+    side, least, beyond = -1, np.inf, 0
+    for axis in range(3):
+        depth = shape[axis] - abs(p[axis])
+        beyond += depth < 0.0
+        if depth < least:
+            least = depth
+            side = axis + 3 if p[axis] > 0.0 else axis
+    return side if beyond < 2 else -1
 
 
 @njit(cache=True, error_model="numpy")
@@ -147,12 +134,6 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
     n_tools = len(tools.kind)
     xp, away, ahead = np.empty(3), np.empty(3), np.empty(3)
     count = 0
-    inner = 0
-    for point in range(len(model.point_face)):
-        inner += model.point_face[point] >= 0
-    patches = np.sqrt(inner / max(1, len(model.face_nodes)))
-    seen, from_start, from_end = np.full(n_tools, -1), np.empty((n_tools, 9, 3)), np.empty((n_tools, 9, 3))
-    pressed = np.empty(n_tools, dtype=np.int64)
     holder = find_holders(model, multiplier, len(x))
     for point in range(len(model.point_face)):
         if parameters.point_stiffness[point] == 0.0:
@@ -170,50 +151,13 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
             position, turn = tools.position_next[tool], tools.orientation_next[tool]
             f0, f1, f2 = multiplier[point, tool, 0], multiplier[point, tool, 1], multiplier[point, tool, 2]
             touched = f0 != 0.0 or f1 != 0.0 or f2 != 0.0
-            share, carry, sag, side = 1.0, 1.0, 0.0, -1
-            if face >= 0 and kind == BOX:
-                nodes, patch = model.face_nodes[face], model.point_patch[point]
-                if seen[tool] != face:
-                    # points of a face come one after another
-                    seen[tool] = face
-                    see(x, nodes, tools.position[tool], tools.orientation[tool], from_start[tool])
-                    see(x, nodes, position, turn, from_end[tool])
-                    pressed[tool] = -1
-                    if coefficient(parameters, point, tool) < 1.0:
-                        pressed[tool] = pressed_side(model.point_face, point, multiplier, tool, tools.orientation[tool])
-                share, whole, side = covered(
-                    from_start[tool], xp, patches, patch, shape, tools.position[tool], tools.orientation[tool],
-                    pressed[tool],
-                )  # fmt: skip
-                if side < 0:
-                    share, whole, side = entered(
-                        x, nodes, from_end[tool], xp, patches, patch, shape,
-                        tools.position[tool], tools.orientation[tool], position, turn,
-                        _BESIDE * parameters.face_edge[face],
-                    )  # fmt: skip
-                carry = whole**CARRY_POWER
-                if side >= 0:
-                    gap = side_gap(side, shape, position, turn, xp)[0]
-                    before = side_gap(side, shape, tools.position[tool], tools.orientation[tool], xp)[0]
-                if side < 0 or (max(gap, before) < -_BESIDE * parameters.face_edge[face] and not touched):
-                    work.factored_state[point, tool] = OPEN
-                    continue
-            else:
-                gap = tool_gap(kind, shape, position, turn, xp)[0]
-                if face >= 0:
-                    share, carry = DENSE / SOFT, 0.0
-                    firm, edge = 0.0, parameters.face_edge[face]
-                    if has_flats(kind) and gap < edge:
-                        firm = cover(x, model, parameters, point, xp, tools, tool, work.plane[count])
-                    if firm > 0.0:
-                        share, side = firm * share, FLAT
-                        gap = plane_gap(work.plane[count], position, turn, xp)[0]
-                    else:
-                        sag = sag_under(tools.half_width[tool], 0.5 * edge)
-                elif face == SPREAD:
-                    carry = 0.0
+            sag, side = 0.0, -1
+            carry = 0.0 if face >= 0 or face == SPREAD else 1.0
+            gap = tool_gap(kind, shape, position, turn, xp)[0]
+            if face >= 0:
+                sag = tools.bends[tool] * sag_under(tools.half_width[tool], 0.5 * parameters.face_edge[face])
             if gap < reach or touched or work.factored_state[point, tool] != OPEN:
-                if face < 0 and kind == BOX:
+                if kind == BOX and (carry == 1.0 or min(shape[0], shape[1], shape[2]) < reach):
                     side = faced_side(shape, tools.position[tool], tools.orientation[tool], xp)
                     # what is pressed deep into a thin box stays on the side that presses it
                     inside = tool_gap(kind, shape, tools.position[tool], tools.orientation[tool], xp)[0] < 0.0
@@ -238,26 +182,19 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                 work.multiplier[count, 0] = f0
                 work.multiplier[count, 1] = f1
                 work.multiplier[count, 2] = f2
-                if side == FLAT:
-                    _turn_along(tools, tool, work.multiplier[count], work.multiplier[count])
-                elif touched and _turns(tools, tool):
+                if touched and _turns(tools, tool):
                     _turn_force(tools, tool, side, xp, work.multiplier[count])
                 work.state[count] = OPEN
                 work.contact[count] = 0.0
-                firm, stiffness = firmness(model, parameters, point, inertia), share * parameters.point_stiffness[point]
-                if carry < 1.0:
-                    firm = min(firm, 1.0 / (1.0 - carry))
-                    carry = 1.0 - firm * (1.0 - carry)
-                work.hold[count, 0] = firm * stiffness
+                firm = firmness(model, parameters, point, inertia) if carry > 0.0 else 1.0
+                work.hold[count, 0] = firm * parameters.point_stiffness[point]
                 work.hold[count, 1] = carry
                 work.hold[count, 2] = 0.0
                 work.hold[count, 3] = pace
                 work.hold[count, 4] = sag
                 if pace < 1.0:
                     position, turn = tools.position[tool], tools.orientation[tool]
-                    if side == FLAT:
-                        gap = plane_gap(work.plane[count], position, turn, xp)[0]
-                    elif side < 0:
+                    if side < 0:
                         gap = tool_gap(kind, shape, position, turn, xp)[0]
                     else:
                         gap = side_gap(side, shape, position, turn, xp)[0]

@@ -11,7 +11,7 @@ with q = 1/2 where the same contact slipped the same way in the iterate before, 
 
 The anchor goes with the tool's material, and with a tool that turns lambda_t does. Where a point slips the anchor is
 where the point is, so that the force stays in a hold; where it sticks the offset is, with the part c of the multiplier
-that is carried over (1 but at edges, below),
+that is carried over, 1 or 0 (below),
   d_next = c (d + D)                                                                                            (3)
 so that t = -r x/(1 - c) of the whole way x since it stuck: at c = 1 it comes back, at c = 0 it is held by a spring.
 Of points that hang on a node through which two tools hold the body none keeps an offset: both ask for a place, the
@@ -21,19 +21,16 @@ one slips.
 A point meets the side of a box that it faces when the step begins: at the step's end another side may be nearer, and a
 plate that is raised would push down what it holds, one that comes fast would pinch what it should press.
 
-Where the edge of a tool crosses a cell's face, no displacement of the face's nodes follows the edge, and a gap of zero
-at every covered point would flatten the whole face. There r is multiplied with the covered share of the point's patch,
-and only the part c = (covered share of the face)^8 of lambda_n is carried over: in a hold p = -r g/(1 - c).
+Inside faces and on embedded surfaces there are more points than a face has freedoms, and a gap of zero at all of them
+would flatten what curves within a cell. There nothing is carried over, c = 0: p = -r g is the slope of an energy of the
+point's place, and the anchor holds by a spring.
 
 A multiplier that is carried over follows the gap one step late: a point of mass m that implicit Euler moves in steps h
 gains energy in contact where r h^2 < m, and keeps less of an oscillation the larger r h^2/m is (0.42 a step at 20). So
-short steps have a stiffer r (`firmness`). At an edge, where a gap stays, they would press another body: there r is
-stiffer by F = min(`firmness`, 1/(1 - c)) only, and 1 - F (1 - c) takes the place of c, which leaves the hold as it is.
-With F at its bound nothing is carried over, and nothing lags.
+short steps have a stiffer r (`firmness`) where c = 1.
 
-A patch that another flat tool covers in part has r times its share, too, and meets the plane of the tool's face. One
-under what is round yields more until it is inside by the sag s of tools/kernels/patch.py, whose eq. (1) takes the place
-of -r g in p and of r in what n n^T has in eq. (2).
+A patch under what is round yields more until it is inside by the sag s of tools/kernels/patch.py, whose eq. (1) takes
+the place of -r g in p and of r in what n n^T has in eq. (2).
 
 A point that comes by much in a step, and through a tool of which it faces no side, meets the plane at which it met the
 tool on its way: no tool is too thin for a fast body.
@@ -48,7 +45,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import plane_gap, press, side_gap, tool_gap
+from softseam_services.tools.kernels import bent, plane_gap, press, side_gap, tool_gap
 
 OPEN, STICK, SLIP = 0, 1, 2
 TO_HOLD, HELD = 3, 4
@@ -57,7 +54,7 @@ AT_NODE, ALONE, SPREAD = -1, -2, -3
 """in model.point_face: a node of a face that has points of its own; a point that touches every tool; and one of the
 many of an embedded surface, which touches every tool, too, and keeps a gap: body/contact_points.py"""
 SWEPT = -2
-"""in work.side: the point meets work.plane, as it does where that says FLAT (tools/kernels/patch.py)"""
+"""in work.side: the point meets work.plane"""
 _STUCK = 0.999
 """of the bound: a multiplier below that did not slip"""
 # columns of work.contact
@@ -98,7 +95,7 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         row = work.contact[c]
         point_position(x, model, parameters, point, xp)
         orientation = tools.orientation_next[tool]
-        if work.side[c] <= SWEPT:
+        if work.side[c] == SWEPT:
             gap, nx, ny, nz = plane_gap(work.plane[c], tools.position_next[tool], orientation, xp)
         elif work.side[c] < 0:
             gap, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation, xp)
@@ -108,8 +105,8 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         stiffness, carry = work.hold[c, 0], work.hold[c, 1]
         along = f[0] * nx + f[1] * ny + f[2] * nz
         inside, row[SLOPE] = work.hold[c, 2] - gap, stiffness
-        if work.hold[c, 4] > 0.0:
-            inside, slope = press(inside, work.hold[c, 4])
+        if work.hold[c, 4] > 0.0 and inside > 0.0:
+            inside, slope = press(inside, work.hold[c, 4] * bent(tools.kind[tool], orientation, nx, ny, nz))
             row[SLOPE] = slope * stiffness
         pressure = carry * max(0.0, along) + stiffness * inside
         was = work.state[c]

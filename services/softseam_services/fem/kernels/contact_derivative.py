@@ -5,15 +5,13 @@ the way y = x - X + s from where it would stick, X being the tool's place when t
 - (the anchor, or the point's place before where it has none):
   a = l . n,  p = c max(0, a) - r g,  q = l - r y,  t = T q                                                      (1)
   stick: tau = t, anchor = x - c T y;   slip: e = t/|t|, tau = mu p e, anchor = x                                (2)
-  dp = (c [a > 0] l . H - r n) . dx + c [a > 0] n . dl - g dr + max(0, a) dc
+  dp = (c [a > 0] l . H - r n) . dx + c [a > 0] n . dl - g dr
   dt = (-r T - n (q^T H) - (n . q) H) dx + T (dl - r ds - y dr)
   d(p n + tau) = n dp + p H dx + dtau,   slip: dtau = mu e dp + mu p/|t| (I - e e^T) dt + p e dmu                  (3)
 X moves force and anchor as -dx does, but for the anchor's own place. H of a flat side is 0; of what is round it is the
 central difference of normals. A point that came from far meets a plane (m, b) in the tool's frame, with the gap
 m . (x - X) - b, which follows from where it comes from and where it flies to: there H is 0, and
   dp = -r ((x - X) . dm - db),   dt = -m (q . dm) - (m . q) dm                                                   (4)
-So it is with the plane of a face that covers a patch in part: it follows from where the step begins, and the covered
-share from the places of all nodes of the patch's face there, both by central differences.
 Where a state is about to change, these are of the side that the run is on; `margin` says how near that is.
 """
 
@@ -21,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.fem.kernels.candidates import SEVERAL, cover, find_holders, firmness, meets
+from softseam_services.fem.kernels.candidates import SEVERAL, find_holders, firmness, meets
 from softseam_services.fem.kernels.contact import (
     GAP,
     NORMAL,
@@ -34,18 +32,12 @@ from softseam_services.fem.kernels.contact import (
     coefficient,
     point_position,
 )
-from softseam_services.fem.kernels.cover import CARRY_POWER, covered, pressed_side, see
-from softseam_services.fem.kernels.cover_derivative import differentiate_cover
 from softseam_services.jit import njit
-from softseam_services.shapes.branches import BOX, CYLINDER, PLANE
-from softseam_services.tools.kernels import FLAT, rotate, tool_gap
+from softseam_services.shapes.branches import CYLINDER, PLANE
+from softseam_services.tools.kernels import rotate, tool_gap
 
-SMOOTH, ENTERED = 0, 1
-"""of a step: its contact has derivatives; a box came in beside its edge"""
-BY_PENALTY, BY_CARRY, BY_FRICTION = 0, 1, 2
+BY_PENALTY, BY_FRICTION = 0, 1
 """columns of `numbers`"""
-SHARE, WHOLE, YOUNG = 0, 1, 2
-"""columns of `hold`: of the patch, of the face, logarithm of Young's modulus"""
 _APART = 1e-5
 """of a cell edge: between the places whose normals are compared"""
 
@@ -54,21 +46,17 @@ _APART = 1e-5
 def differentiate_contacts(x0, v0, dt, x, contact, model, parameters, tools, count, work, out):
     """Fill out (`contact_slopes.ContactSlopes`) by eq. (3) for candidates that `evaluate_contacts` saw at x.
 
-    x0, v0 (n, 3), contact (p, t, 9): at the start of the step. Returns SMOOTH, or what has no derivative.
+    x0, v0 (n, 3), contact (p, t, 9): at the start of the step.
     """
     inertia = 1.0 / (dt * dt)
-    xp, G, H, face = np.empty(3), np.zeros(3), np.zeros((3, 3)), np.empty((9, 3))
+    xp, G, H = np.empty(3), np.zeros(3), np.zeros((3, 3))
     holder = find_holders(model, contact, len(x0))
-    inner = 0
-    for point in range(len(model.point_face)):
-        inner += model.point_face[point] >= 0
-    patches = np.sqrt(inner / max(1, len(model.face_nodes)))
     hardest = _hardest(count, len(tools.kind), work)
     for c in range(count):
         point, tool = work.pair[c, 0], work.pair[c, 1]
         friction = coefficient(parameters, point, tool)
         out.place[c], out.multiplier[c], out.since[c], out.numbers[c] = 0.0, 0.0, 0.0, 0.0
-        out.hold[c], out.cover[c] = 0.0, 0.0
+        out.penalty[c] = 0.0
         point_position(x, model, parameters, point, xp)
         out.margin[c] = _margin(c, xp, friction, hardest[tool], work)
         if work.state[c] == OPEN:
@@ -82,31 +70,10 @@ def differentiate_contacts(x0, v0, dt, x, contact, model, parameters, tools, cou
         _bend(c, xp, parameters.edge, tools, work, G, H)
         _differentiate(c, xp, G, H, friction, work, out)
         out.met[c] = 0.0
-        if work.side[c] <= SWEPT:
+        if work.side[c] == SWEPT:
             _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out)
-        share, whole, covers = 1.0, 1.0, model.point_face[point] >= 0 and tools.kind[tool] == BOX
-        if covers:
-            nodes, patch = model.face_nodes[model.point_face[point]], model.point_patch[point]
-            position, turn = tools.position[tool], tools.orientation[tool]
-            see(x0, nodes, position, turn, face)
-            first = point
-            while first > 0 and model.point_face[first - 1] == model.point_face[point]:
-                first -= 1
-            point_position(x0, model, parameters, point, xp)
-            pressed = -1
-            if coefficient(parameters, first, tool) < 1.0:
-                pressed = pressed_side(model.point_face, first, contact, tool, turn)
-            if covered(face, xp, patches, patch, tools.shape[tool], position, turn, pressed)[2] != work.side[c]:
-                return ENTERED
-            share, whole = differentiate_cover(face, work.side[c] % 3, patches, patch, tools.shape[tool], out.cover[c])
-            for which in range(2):
-                for k in range(9):
-                    slope = out.cover[c, which, k]
-                    slope[0], slope[1], slope[2] = rotate(turn, slope[0], slope[1], slope[2])
-        elif work.side[c] == FLAT:
-            _differentiate_patch(c, x0, model, parameters, tools, work, out)
-        _differentiate_hold(c, point, covers, share, whole, model, parameters, inertia, work, out)
-    return SMOOTH
+        out.penalty[c] = 0.0 if work.hold[c, 1] == 1.0 and firmness(model, parameters, point, inertia) > 1.0 else 1.0
+        out.penalty[c] *= work.hold[c, 0]
 
 
 @njit(cache=True, error_model="numpy")
@@ -214,16 +181,13 @@ def _differentiate(c, xp, G, H, friction, work, out):
             if not slips:
                 place[3 + i, j] -= carry * (T - ahead * H[i, j] - n[i] * yH[j])
                 by_s[3 + i, j] = -carry * T
-                numbers[3 + i, BY_CARRY] -= T * y[j]
         numbers[i, BY_PENALTY] = inside * normal_part + turned
-        numbers[i, BY_CARRY] = max(0.0, along) * normal_part
         numbers[i, BY_FRICTION] = pressure * e[i] if slips else 0.0
 
 
 @njit(cache=True, error_model="numpy")
 def _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out):
-    """Eq. (4) of a candidate that meets a plane: force by where its point comes from and by where it flies to, which
-    the plane of a face does not follow."""
+    """Eq. (4) of a candidate that meets a plane: force by where its point comes from and by where it flies to."""
     row, point, tool = work.contact[c], work.pair[c, 0], work.pair[c, 1]
     ends, plane, other = np.empty((2, 3)), np.empty(4), np.empty(4)
     point_position(x0, model, parameters, point, ends[0])
@@ -240,22 +204,15 @@ def _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out):
         for i in range(3):
             e[i] = (q[i] - across * row[NORMAL + i]) / row[TRIAL]
     apart = _APART * parameters.edge
-    covers = work.side[c] == FLAT
-    for which in range(1 if covers else 2):
+    for which in range(2):
         for j in range(3):
             at = ends[which, j]
             for i in range(4):
                 plane[i] = other[i] = work.plane[c, i]
             ends[which, j] = at + apart
-            if covers:
-                cover(x0, model, parameters, point, ends[0], tools, tool, plane)
-            else:
-                meets(tools, tool, ends[0], ends[1], plane)
+            meets(tools, tool, ends[0], ends[1], plane)
             ends[which, j] = at - apart
-            if covers:
-                cover(x0, model, parameters, point, ends[0], tools, tool, other)
-            else:
-                meets(tools, tool, ends[0], ends[1], other)
+            meets(tools, tool, ends[0], ends[1], other)
             ends[which, j] = at
             for i in range(4):
                 plane[i] = (plane[i] - other[i]) / (2.0 * apart)
@@ -272,44 +229,3 @@ def _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out):
                 moved = squeeze * (dq[i] - turned * e[i]) if slips else dq[i]
                 normal_part = row[NORMAL + i] + (friction * e[i] if slips else 0.0)
                 out.met[c, which, i, j] = -row[SLOPE] * gap * normal_part + row[PRESSURE] * plane[i] + moved
-
-
-@njit(cache=True, error_model="numpy")
-def _differentiate_patch(c, x0, model, parameters, tools, work, out):
-    """Slopes of the share of a patch by the nodes of its face, in place; x0 (n, 3) is moved and put back."""
-    point, tool = work.pair[c, 0], work.pair[c, 1]
-    xp, plane, apart = np.empty(3), np.empty(4), _APART * parameters.edge
-    nodes = model.face_nodes[model.point_face[point]]
-    point_position(x0, model, parameters, point, xp)
-    whole = cover(x0, model, parameters, point, xp, tools, tool, plane)
-    per_share = work.hold[c, 0] / (whole * parameters.point_stiffness[point])
-    for k in range(9):
-        for i in range(3):
-            at, between = x0[nodes[k], i], 0.0
-            for sign in (1.0, -1.0):
-                x0[nodes[k], i] = at + sign * apart
-                point_position(x0, model, parameters, point, xp)
-                between += sign * cover(x0, model, parameters, point, xp, tools, tool, plane)
-            x0[nodes[k], i] = at
-            out.cover[c, SHARE, k, i] = per_share * between / (2.0 * apart)
-
-
-@njit(cache=True, error_model="numpy")
-def _differentiate_hold(c, point, covers, share, whole, model, parameters, inertia, work, out):
-    """Penalty and carried part by what `find_candidates` makes them of, in place: rows r, c; columns of `hold`."""
-    firm, stiffness = firmness(model, parameters, point, inertia), parameters.point_stiffness[point]
-    light = firm > 1.0  # then the penalty is one of inertia, which knows no modulus
-    r, hold = work.hold[c, 0], out.hold[c]
-    carry, slope = whole**CARRY_POWER, CARRY_POWER * whole ** (CARRY_POWER - 1)
-    if not covers:
-        carry, slope = (1.0, 0.0) if work.hold[c, 1] == 1.0 else (0.0, 0.0)
-    if carry == 1.0:
-        hold[0, SHARE], hold[0, YOUNG] = firm * stiffness, 0.0 if light else r
-        return
-    most = 1.0 / (1.0 - carry)
-    if firm < most:
-        hold[0, SHARE], hold[1, WHOLE] = firm * stiffness, firm * slope
-        hold[0, YOUNG], hold[1, YOUNG] = (0.0, firm * (1.0 - carry)) if light else (r, 0.0)
-        return
-    hold[0, SHARE], hold[0, YOUNG] = most * stiffness, r
-    hold[0, WHOLE] = share * stiffness * most * most * slope

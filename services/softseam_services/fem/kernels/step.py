@@ -38,7 +38,7 @@ from softseam_services.fem.kernels.point_volumes import FIRST, WATCHED, loses_vo
 from softseam_services.fem.kernels.quadrature_blending import FOLLOWS, share_cells
 from softseam_services.fem.kernels.viscous_start import resist
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import FLAT, cell_distances, tool_gap, tool_travel
+from softseam_services.tools.kernels import cell_distances, tool_travel
 
 # entries of `out`
 KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, MOMENTUM, ANGULAR = 0, 1, 2, 3, 4, 5, 8
@@ -70,11 +70,7 @@ def _record_contacts(now, end, count, model, parameters, tools, work, result):
         point, tool = work.pair[c, 0], work.pair[c, 1]
         row = work.contact[c]
         out[N_CONTACTS] += 1.0
-        gap, place, turn = row[GAP], tools.position_next[tool], tools.orientation_next[tool]
-        if work.side[c] == FLAT:  # a part of the patch is beside the tool, below the plane of its face
-            point_position(x, model, parameters, point, arm)
-            gap = max(gap, tool_gap(tools.kind[tool], tools.shape[tool], place, turn, arm)[0])
-        out[PENETRATION] = max(out[PENETRATION], -gap)
+        out[PENETRATION] = max(out[PENETRATION], -row[GAP])
         touched = False
         for i in range(3):
             contact[point, tool, i] = row[PRESSURE] * row[NORMAL + i] + row[TRACTION + i]

@@ -8,8 +8,8 @@ slip. With X, V, L, B what a number owes to x, v, f, a at the end of the step, a
 anchor by an input z (kernels/contact_derivative.py), what it owes to the start and to the inputs follows from
   J^T w = X + V/dt + sum W^T (C^T L + A_x^T B),   y = W w + L                                                   (2)
   X <- c M w - V/dt + ...,   V <- c dt M w,   z <- C_z^T y + A_z^T B,   E <- -w . df/dE + ...                     (3)
-where the dots are of points without an anchor, whose s is their place when the step begins, and of faces that a box
-covers in part. Forward, a change d of the start and of inputs moves the end by
+where the dots are of points without an anchor, whose s is their place when the step begins. Forward, a change d of
+the start and of inputs moves the end by
   J dx = c M (dx_0 + dt dv_0) - df/dE dE + sum W^T C_z dz                                                        (4)
 The textbook's recursion lambda_(t-1) = (df_t/dx_t)^T lambda_t is that of explicit steps, x_t = f_t(x_(t-1)): for
 equations f_t = 0 it must solve, and each step adds its own part of the loss: (2) and (3).
@@ -23,15 +23,7 @@ import numpy as np
 
 from softseam_services.fem.kernels.anderson import add_scaled
 from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, SWEPT, TRACTION
-from softseam_services.fem.kernels.contact_derivative import (
-    BY_CARRY,
-    BY_FRICTION,
-    BY_PENALTY,
-    SHARE,
-    WHOLE,
-    YOUNG,
-    differentiate_contacts,
-)
+from softseam_services.fem.kernels.contact_derivative import BY_FRICTION, BY_PENALTY, differentiate_contacts
 from softseam_services.fem.kernels.dot import dot
 from softseam_services.fem.kernels.fronts import solve
 from softseam_services.fem.kernels.gmres import add_solution, begin_krylov, extend_krylov
@@ -41,7 +33,7 @@ from softseam_services.jit import njit
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def differentiate(model, parameters, now, end, tools, dt, count, work, slopes):
-    """Fill `slopes` where `kernels.step.advance` has just retraced a step; returns SMOOTH, or what has no derivative.
+    """Fill `slopes` where `kernels.step.advance` has just retraced a step.
 
     slopes.inner <- f(x) (3 n_free,) in elimination order: what balances all else but the residual.
     """
@@ -59,7 +51,7 @@ def differentiate(model, parameters, now, end, tools, dt, count, work, slopes):
             for i in range(3):
                 force[i] = row[PRESSURE] * row[NORMAL + i] + row[TRACTION + i]
             _spread(c, force, model, parameters, work, inner)
-    return differentiate_contacts(now.x, now.v, dt, x, now.contact, model, parameters, tools, count, work, slopes)
+    differentiate_contacts(now.x, now.v, dt, x, now.contact, model, parameters, tools, count, work, slopes)
 
 
 @njit(cache=True, error_model="numpy")
@@ -195,7 +187,7 @@ def finish_back(model, parameters, dt, count, owed, work, slopes):
             for i in range(3):
                 slopes.seed[c, i] += y[i]
             _pull_contact(c, model, parameters, owed, work, slopes)
-            if work.side[c] <= SWEPT:
+            if work.side[c] == SWEPT:
                 _pull_met(c, model, parameters, dt, owed, work, slopes)
 
 
@@ -218,20 +210,9 @@ def _pull_contact(c, model, parameters, owed, work, slopes):
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
             for i in range(3):
                 owed.x[model.point_node[entry], i] -= parameters.point_weight[entry] * back[i]
-    _times_transposed(slopes.numbers[c], 6, seed, back)
-    penalty, carry = back[BY_PENALTY], back[BY_CARRY]
-    owed.friction[tool] += parameters.friction_factor[point] * back[BY_FRICTION]
-    hold = slopes.hold[c]
-    owed.young[0] += penalty * hold[0, YOUNG] + carry * hold[1, YOUNG]
-    face = model.point_face[point]
-    if face >= 0:
-        share = penalty * hold[0, SHARE] + carry * hold[1, SHARE]
-        whole = penalty * hold[0, WHOLE] + carry * hold[1, WHOLE]
-        for k in range(9):
-            for i in range(3):
-                moved = share * slopes.cover[c, SHARE, k, i] + whole * slopes.cover[c, WHOLE, k, i]
-                owed.x[model.face_nodes[face, k], i] += moved
-                owed.tool_start[tool, i] -= moved
+    for row in range(6):
+        owed.young[0] += slopes.penalty[c] * slopes.numbers[c, row, BY_PENALTY] * seed[row]
+        owed.friction[tool] += parameters.friction_factor[point] * slopes.numbers[c, row, BY_FRICTION] * seed[row]
 
 
 @njit(cache=True, error_model="numpy")
@@ -263,7 +244,7 @@ def begin_forward(model, parameters, dt, count, change, work, slopes):
     for c in range(count):
         if work.state[c] != OPEN:
             _push_contact(c, model, parameters, change, work, slopes)
-            if work.side[c] <= SWEPT:
+            if work.side[c] == SWEPT:
                 _push_met(c, model, parameters, dt, change, work, slopes)
             _spread(c, slopes.seed[c], model, parameters, work, right)
 
@@ -302,7 +283,7 @@ def finish_forward(model, parameters, dt, count, change, work, slopes):
 def _push_contact(c, model, parameters, change, work, slopes):
     """The seed of a candidate <- change of its force and anchor by inputs of eq. (4), its place at the end apart."""
     point, tool, seed = work.pair[c, 0], work.pair[c, 1], slopes.seed[c]
-    since, shares, numbers = np.empty(3), np.zeros(3), np.zeros(3)
+    since = np.empty(3)
     for i in range(3):
         since[i] = change.tool_start[tool, i]
         if slopes.anchored[c]:
@@ -311,23 +292,14 @@ def _push_contact(c, model, parameters, change, work, slopes):
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
             for i in range(3):
                 since[i] -= parameters.point_weight[entry] * change.x[model.point_node[entry], i]
-    face = model.point_face[point]
-    if face >= 0:
-        for which in (SHARE, WHOLE):
-            for k in range(9):
-                for i in range(3):
-                    away = change.x[model.face_nodes[face, k], i] - change.tool_start[tool, i]
-                    shares[which] += slopes.cover[c, which, k, i] * away
-    shares[YOUNG] = change.young[0]
-    for which in range(3):
-        numbers[BY_PENALTY] += slopes.hold[c, 0, which] * shares[which]
-        numbers[BY_CARRY] += slopes.hold[c, 1, which] * shares[which]
-    numbers[BY_FRICTION] = parameters.friction_factor[point] * change.friction[tool]
+    penalty = slopes.penalty[c] * change.young[0]
+    friction = parameters.friction_factor[point] * change.friction[tool]
     for row in range(6):
         total = change.tool_end[tool, row - 3] if row >= 3 else 0.0
+        total += slopes.numbers[c, row, BY_PENALTY] * penalty + slopes.numbers[c, row, BY_FRICTION] * friction
         for i in range(3):
             total += slopes.multiplier[c, row, i] * change.force[point, tool, i]
-            total += slopes.since[c, row, i] * since[i] + slopes.numbers[c, row, i] * numbers[i]
+            total += slopes.since[c, row, i] * since[i]
             total -= slopes.place[c, row, i] * change.tool_end[tool, i]
         seed[row] = total
 

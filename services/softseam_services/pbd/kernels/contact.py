@@ -28,12 +28,12 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.shapes.branches import BOX, PLANE
+from softseam_services.shapes.branches import PLANE
 from softseam_services.tools.kernels import SLOW, patch_yields, rotate, rotate_back
 
 from .copy_rows import copy_rows
-from .faced import face_sides, faced_gap
-from .gaps import find_box_gaps, find_gaps, find_plane_gaps, find_side_gaps
+from .faced import face_sides, faced_gap, faces
+from .gaps import find_all_gaps, find_gaps
 from .lanes import batch_kernel, four, lane_kernel, three
 from .pairs import (
     ALLOWED,
@@ -52,7 +52,6 @@ from .pairs import (
     LAG,
     MEAN,
     MOMENT,
-    SIDED,
     SLIP_SINCE,
     SLIPPED,
     SOFT,
@@ -254,18 +253,13 @@ def project_contacts(model, parameters, contacts, xw, hh):
             place_group(group, X, rows, indptr, node, weight, xw, pairs)
             row = pairs[group]
             if rows[group, EDGED]:
-                if rows[group, SIDED] or (tool_kind != PLANE and tool_kind != BOX):
-                    find_side_gaps(row, rows, group, tool_kind, tool_shape, place, turn, forth, slow)
-                elif tool_kind == PLANE:
-                    find_plane_gaps(row, normal, place)
-                else:
-                    find_box_gaps(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn)
+                find_all_gaps(row, rows, group, tool_kind, tool_shape, place, turn, forth, slow)
                 if _is_open(row):
                     continue
                 solve_softly(row, forth, hh, alone)
             elif tool_kind == PLANE:
                 solve_on_plane(row, normal, place, forth, hh, newer)
-            elif tool_kind == BOX:
+            elif faces(tool_kind, tool_shape):
                 solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, forth, hh, newer)
             else:
                 find_gaps(row, rows, group, tool_kind, tool_shape, place, turn, forth, slow)
@@ -282,7 +276,7 @@ def _begin_group(model, parameters, contacts, xw, tool, group, h):
     place, turn = three(contacts.position[0], tool), four(contacts.orientation[0], tool)
     place_group(group, BEFORE, rows, indptr, node, weight, xw, pairs)
     row = pairs[group]
-    if kind[tool] == BOX:
+    if faces(kind[tool], shape[tool]):
         a, b, c = three(shape, tool)
         face_sides(row, a, b, c, place, turn)
     if rows[group, EDGED]:
@@ -290,7 +284,7 @@ def _begin_group(model, parameters, contacts, xw, tool, group, h):
             row[EIGHT * HELD + entry] = row[EIGHT * FORCE + entry]
     if rows[group, DEEP]:
         place_group(group, X, rows, indptr, node, weight, xw, pairs)
-        find_side_gaps(row, rows, group, kind[tool], shape[tool], place, turn, STILL, np.inf)
+        find_all_gaps(row, rows, group, kind[tool], shape[tool], place, turn, STILL, np.inf)
         for lane in range(EIGHT):
             if row[lane + EIGHT * DEPTH] > 0.0:
                 old = _pressed(row, lane)

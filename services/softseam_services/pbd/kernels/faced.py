@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from softseam_services.jit import njit
+from softseam_services.shapes.branches import BOX
 from softseam_services.tools.kernels import box_gap, rotate_back
 
 from .lanes import batch_kernel, lane_kernel
 from .pairs import BEFORE, EIGHT, FACED, FORCE
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def faces(kind, shape):
+    """Whether points face a side of the tool: a box with sharp edges, as nodes and embedded surfaces feel it."""
+    return kind == BOX and shape[3] == 0.0
 
 
 @lane_kernel
@@ -13,7 +21,7 @@ def faced_gap(row, lane, a, b, c, x, y, z):
     """Gap and normal, in the frame of a box of half edges a, b, c, of a point there: to the side that it faced when the
     substep began, where it is above that, else to the box."""
     sx, sy, sz = row[lane + EIGHT * FACED], row[lane + EIGHT * (FACED + 1)], row[lane + EIGHT * (FACED + 2)]
-    gap, nx, ny, nz = box_gap(a, b, c, x, y, z)
+    gap, nx, ny, nz = box_gap(a, b, c, 0.0, x, y, z)
     above = (sx != 0.0 or abs(x) <= a) and (sy != 0.0 or abs(y) <= b) and (sz != 0.0 or abs(z) <= c)
     faces = above and (sx != 0.0 or sy != 0.0 or sz != 0.0)
     gap = sx * x + sy * y + sz * z - (abs(sx) * a + abs(sy) * b + abs(sz) * c) if faces else gap

@@ -7,12 +7,12 @@ followed on its way (`swept_gap`), so that it does not pass to the far side of a
 from __future__ import annotations
 
 from softseam_services.jit import njit
-from softseam_services.shapes.branches import BOX
-from softseam_services.tools.kernels import FLAT, plane_gap, rotate, rotate_back, side_gap, swept_gap
+from softseam_services.shapes.branches import PLANE
+from softseam_services.tools.kernels import rotate, rotate_back, swept_gap
 
-from .faced import faced_gap
+from .faced import faced_gap, faces
 from .lanes import batch_kernel
-from .pairs import BEFORE, COVERING, EIGHT, GAP, POINT, SIDE
+from .pairs import BEFORE, EIGHT, GAP, POINT
 
 
 @njit(cache=True, error_model="numpy")
@@ -72,29 +72,11 @@ def find_box_gaps(row, a, b, c, place, turn):
 
 
 @njit(cache=True, error_model="numpy")
-def find_side_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
-    """GAP of a group's points, to the side of the box or the face whose edge is near, or to the tool."""
-    for lane in range(EIGHT):
-        if rows[group, POINT + lane] < 0:
-            continue
-        side, x = rows[group, SIDE + lane], (row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT])
-        if side >= 0:
-            gap, nx, ny, nz = side_gap(side, shape, place, turn, x)
-        elif side == FLAT:
-            normal = (
-                row[lane + EIGHT * COVERING],
-                row[lane + EIGHT * (COVERING + 1)],
-                row[lane + EIGHT * (COVERING + 2)],
-            )
-            plane = normal[0], normal[1], normal[2], row[lane + EIGHT * (COVERING + 3)]
-            gap, nx, ny, nz = plane_gap(plane, place, turn, x)
-        elif kind == BOX:
-            u, v, w = rotate_back(turn, x[0] - place[0], x[1] - place[1], x[2] - place[2])
-            gap, nx, ny, nz = faced_gap(row, lane, shape[0], shape[1], shape[2], u, v, w)
-            nx, ny, nz = rotate(turn, nx, ny, nz)
-        else:
-            gap, nx, ny, nz = _swept(row, lane, kind, shape, place, turn, motion, slow)
-        row[lane + EIGHT * GAP] = gap
-        row[lane + EIGHT * (GAP + 1)] = nx
-        row[lane + EIGHT * (GAP + 2)] = ny
-        row[lane + EIGHT * (GAP + 3)] = nz
+def find_all_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
+    """GAP of a group's points to a tool: to a box with sharp edges as of `faced_gap`."""
+    if kind == PLANE:
+        find_plane_gaps(row, rotate(turn, shape[0], shape[1], shape[2]), place)
+    elif faces(kind, shape):
+        find_box_gaps(row, shape[0], shape[1], shape[2], place, turn)
+    else:
+        find_gaps(row, rows, group, kind, shape, place, turn, motion, slow)

@@ -20,18 +20,14 @@ DEPTH       1  how much deeper the point was inside the tool at the start of the
 GAP         4  gap [m] and normal
 CHANGE      3  the change of FORCE in the last projection [N]
 HOLD        1  directions in which the tool holds the point: 0, 1 where it slides, 3 where it sticks
-SOFT        1  compliance of contact where the tool's edge covers a part of what the point stands for, or where many
-               points share a block, else 0 [m/N]
+SOFT        1  compliance of contact where many points share a block, else 0 [m/N]
 HELD        3  FORCE at the start of the substep, in groups with such points [N]
 STEADY      2  pressure with a memory, by which friction is bounded, and how far friction went beyond the pressure [N]
 LAG         1  how much farther a point that is pressed firmly is inside for the tool's being round [m]
-COVERING    4  normal and distance of the tool's face that covers a part, in the tool's frame, where SIDE is FLAT
 FACED       3  outward normal, in a box's frame, of the side that the point faced when the substep began, 0 where it
                faced none
 `rows` (g, N_ROWS) says whom they belong to: POINT 8 (-1 where a lane is empty), NODE 8, DIRECT 1 (each point is that
-node, as on a block), DEEP 1 (some point was inside the tool), EDGED 1 (contact has compliance at some points) and then
-SIDE 8 (side of the tool that covers a part of what the point stands for, FLAT where that is a face of a tool that is no
-box, -1 where it is the whole tool), SIDED 1 (some SIDE is not -1). Groups
+node, as on a block), DEEP 1 (some point was inside the tool), EDGED 1 (contact has compliance at some points). Groups
 start[t] .. start[t + 1] belong to tool t.
 """
 
@@ -41,7 +37,7 @@ import numpy as np
 
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
-from softseam_services.tools.kernels import FLAT, patch_yields, plane_gap, side_gap, tool_gap, tool_travel
+from softseam_services.tools.kernels import bent, patch_yields, tool_gap, tool_travel
 
 from .lanes import LANES, four, three, transpose_four
 
@@ -49,13 +45,11 @@ EIGHT = 2 * LANES
 """lanes of a group: with four the compiler would write the short loops out, number by number"""
 
 X, W, BEFORE, FORCE, ALLOWED, FRICTION, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 13, 15, 18, 21, 24
-WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, COVERING, LAG = 27, 28, 29, 33, 36, 37, 38, 41, 43, 46, 50
-N_COLUMNS = 51
+WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, LAG = 27, 28, 29, 33, 36, 37, 38, 41, 43, 46
+N_COLUMNS = 47
 WIDTH = N_COLUMNS * EIGHT
-POINT, NODE, DIRECT, DEEP, EDGED, SIDE, SIDED = 0, 8, 16, 17, 18, 19, 27
-N_ROWS = 28
-FIRM = -4
-"""in place of a side: a point that is met by its gap and yields as under what is flat"""
+POINT, NODE, DIRECT, DEEP, EDGED = 0, 8, 16, 17, 18
+N_ROWS = 19
 DEEPEST_ROUNDOFF = 1e-9
 """penetrations below this are roundoff of a closed contact [m]"""
 RANKS, NOT_FOUND = 3, 3.0
@@ -117,18 +111,20 @@ def place_points(model, parameters, xw, point_x):
 def _open(group, n_nodes, rows, pairs):
     """An empty group: its lanes follow the padding's nodes, which nothing moves."""
     for lane in range(EIGHT):
-        rows[group, POINT + lane], rows[group, NODE + lane], rows[group, SIDE + lane] = -1, n_nodes + lane, -1
-    rows[group, DIRECT], rows[group, DEEP], rows[group, EDGED], rows[group, SIDED] = 1, 0, 0, 0
+        rows[group, POINT + lane], rows[group, NODE + lane] = -1, n_nodes + lane
+    rows[group, DIRECT], rows[group, DEEP], rows[group, EDGED] = 1, 0, 0
     for entry in range(WIDTH):
         pairs[group, entry] = 0.0
 
 
 @njit(cache=True, error_model="numpy")
 def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
-    """contacts.found (p, 3) <- gap to a tool where it starts, how much deeper than its force tells a point is inside
-    [m], and in which of RANKS a pair is; those that are none have NOT_FOUND."""
+    """contacts.found (p, 4) <- gap to a tool where it starts, how much deeper than its force tells a point is inside
+    [m], in which of RANKS a pair is, and LAG [m]; those that are none have NOT_FOUND.
+
+    Under tools that go by LAG is 0: other patches would be pressed then, and cut into what yields more."""
     softness, lags, force = parameters.point_give, parameters.point_lag, state.force
-    side, soft, plane, found = contacts.shares.side, contacts.shares.give, contacts.shares.plane, contacts.found
+    found = contacts.found
     kind, shape, point_x = parameters.kind[tool], parameters.shape[tool], contacts.point_x
     place, turn = three(inputs.position, tool), four(inputs.orientation, tool)
     # Cheap: outside the ball around the tool there is nothing to touch.
@@ -141,27 +137,19 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
         square = (x[0] - place[0]) ** 2 + (x[1] - place[1]) ** 2 + (x[2] - place[2]) ** 2
         fx, fy, fz = three(force[point], tool)
         carried = fx != 0.0 or fy != 0.0 or fz != 0.0
-        edge = side[point, tool]
-        yields, lag = (softness[point], lags[point, tool]) if edge == -1 else (soft[point, tool], 0.0)
-        if edge == FIRM:
-            edge = -1
-        if square > reach and not carried and edge == -1:
+        if square > reach and not carried:
             state.steady[point, tool] = 0.0
             continue
-        if edge >= 0:
-            gap, nx, ny, nz = side_gap(edge, shape, place, turn, x)
-        elif edge == FLAT:
-            gap, nx, ny, nz = plane_gap(plane[point, tool], place, turn, x)
-        else:
-            gap, nx, ny, nz = tool_gap(kind, shape, place, turn, x)
+        gap, nx, ny, nz = tool_gap(kind, shape, place, turn, x)
         if gap >= margin and not carried:
             state.steady[point, tool] = 0.0
             continue
         due = max(0.0, fx * nx + fy * ny + fz * nz)
-        due *= patch_yields(yields, lag, due)
+        lag = lags[point, tool] * bent(kind, turn, nx, ny, nz) if contacts.slow[tool] else 0.0
+        due *= patch_yields(softness[point], lag, due)
         held = carried or state.steady[point, tool, 0] != 0.0 or state.steady[point, tool, 1] != 0.0
         rank = 0.0 if held or gap <= 0.0 else 1.0 if gap < contacts.ahead[tool] else 2.0
-        found[point, 0], found[point, 1], found[point, 2] = gap, -gap - due, rank
+        found[point, 0], found[point, 1], found[point, 2], found[point, 3] = gap, -gap - due, rank, lag
 
 
 @njit(cache=True, error_model="numpy")
@@ -169,7 +157,7 @@ def _add_pair(model, parameters, state, contacts, tool, point, hh, first_open, n
     """Take up a pair into the first group with room that comes after all groups with a node of its point; returns the
     first of the tool's groups that is not full, and how many groups there are."""
     indptr, node, weight, newest = model.indptr, model.node, parameters.weight, contacts.newest
-    rows, pairs, clear, shares = contacts.rows, contacts.pairs, contacts.clear, contacts.shares
+    rows, pairs, clear = contacts.rows, contacts.pairs, contacts.clear
     force, steady = state.force[point, tool], state.steady[point, tool]
     gap, depth, rank = three(contacts.found, point)
     group, first, end = first_open, indptr[point], indptr[point + 1]
@@ -193,16 +181,10 @@ def _add_pair(model, parameters, state, contacts, tool, point, hh, first_open, n
     give = hh * parameters.point_softness[point]
     row[EIGHT * GIVE + lane], row[EIGHT * (GIVE + 1) + lane] = give, 1.0 / give if give > 0.0 else 0.0
     row[EIGHT * FRICTION + lane] = parameters.friction[tool] * parameters.friction_factor[point]
-    side = shares.side[point, tool]
-    whole = side == -1
-    yields = parameters.point_give[point] if whole else shares.give[point, tool]
+    yields = parameters.point_give[point]
     if yields > 0.0:
-        rows[group, EDGED], rows[group, SIDE + lane] = 1, -1 if side == FIRM else side
-        if rows[group, SIDE + lane] != -1:
-            rows[group, SIDED] = 1
-        for c in range(4):
-            row[EIGHT * (COVERING + c) + lane] = shares.plane[point, tool, c]
-        row[EIGHT * SOFT + lane], row[EIGHT * LAG + lane] = yields, parameters.point_lag[point, tool] if whole else 0.0
+        rows[group, EDGED] = 1
+        row[EIGHT * SOFT + lane], row[EIGHT * LAG + lane] = yields, contacts.found[point, 3]
     if depth > DEEPEST_ROUNDOFF:
         row[EIGHT * DEPTH + lane] = depth
         rows[group, DEEP] = 1

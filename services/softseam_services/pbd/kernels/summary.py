@@ -8,7 +8,7 @@ from softseam_services.jit import njit
 from softseam_services.tools.kernels import tool_gap
 
 from .lanes import four, three
-from .pairs import DEPTH, EIGHT, MEAN, POINT, SIDE, SLIP_SINCE
+from .pairs import DEPTH, EIGHT, MEAN, POINT, SLIP_SINCE
 
 (KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, PENETRATION, SLIP, N_CONTACTS, LEAST_J, PUSHED) = range(10)
 MOMENTUM, ANGULAR, BOUNDS, RESIDUAL, STRETCH, APPARENT, HASTE = 10, 13, 16, 22, 23, 24, 25
@@ -78,8 +78,7 @@ def summarise(parameters, state, contacts, n_substeps, result):
                         for c in range(3):
                             first = first and force[point, other, c] == 0.0
                     result[N_CONTACTS] += 1.0 if first else 0.0
-                    # Where the tool covers a part of what a point stands for, `share` tells what slips.
-                    if near[tool] and rows[group, SIDE + lane] < 0:
+                    if near[tool]:
                         result[SLIP] = max(result[SLIP], _size(pairs, group, SLIP_SINCE, lane))
                 depth = pairs[group, EIGHT * DEPTH + lane]
                 if depth > 0.0:

@@ -6,32 +6,27 @@ from softseam_services.shapes.turns import rotate, rotate_back
 from softseam_services.tools.kernels.gap import SLOW, all_finite, cell_distances, least_gaps, swept_gap, tool_travel
 from softseam_services.tools.kernels.patch import (
     DENSE,
-    FLAT,
     LIGHT,
     WIDE,
-    cover_patch,
-    has_flats,
+    bent,
     patch_yields,
     plane_gap,
     press,
     sag_by,
     sag_under,
 )
-from softseam_services.tools.kernels.sides import overlap, side_along, side_gap
+from softseam_services.tools.kernels.sides import side_along, side_gap
 
 __all__ = [
     "DENSE",
-    "FLAT",
     "LIGHT",
     "SLOW",
     "WIDE",
     "all_finite",
+    "bent",
     "box_gap",
     "cell_distances",
-    "cover_patch",
-    "has_flats",
     "least_gaps",
-    "overlap",
     "patch_yields",
     "plane_gap",
     "press",

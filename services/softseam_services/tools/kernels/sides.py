@@ -1,17 +1,10 @@
-"""Sides of a box: gaps to their planes, and how much of an interval they cover. A side is axis, or axis + 3 for the
-one whose outward normal is along +axis."""
+"""Sides of a box, and gaps to their planes. A side is axis, or axis + 3 for the one whose outward normal is along
++axis."""
 
 from __future__ import annotations
 
 from softseam_services.jit import njit
 from softseam_services.shapes.turns import rotate, rotate_back
-
-
-@njit(cache=True, error_model="numpy")
-def overlap(middle, reach, half):
-    """Share of the interval middle -+ reach that lies within -+ half."""
-    length = min(middle + reach, half) - max(middle - reach, -half)
-    return min(max(length, 0.0) / (2.0 * reach), 1.0)
 
 
 @njit(cache=True, error_model="numpy")
