@@ -232,8 +232,8 @@ def test_bad_calls_are_named_and_change_nothing(envs: BatchEnv) -> None:
         envs.step(np.zeros((5, 2)))
     envs.reset(seed=2)
     before = [envs.snapshot(i)["body"] for i in range(5)]
-    for action in (np.zeros((4, 2)), np.full((5, 2), np.nan), "close"):
-        with pytest.raises(BadInput, match="5 x 2"):
+    for action, told in ((np.zeros((4, 2)), "5 x 2"), (np.full((5, 2), np.nan), "not finite"), ("close", "5 x 2")):
+        with pytest.raises(BadInput, match=told):
             envs.step(action)
     for mask in ([True] * 5 + [False], np.zeros(5, dtype=bool), np.ones(5)):
         with pytest.raises(BadInput, match="reset_mask"):

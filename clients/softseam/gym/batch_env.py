@@ -18,9 +18,13 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from softseam.errors import BadInput
+from softseam.gym.block_surface import block_surface
 from softseam.gym.lift_scene import CRUSHED, HEIGHT, PADS, SPEED, STEPS, SUBSTEPS, settings_of
+from softseam.gym.picture import Image, Picture, Pose
 from softseam.gym.randomise import Drawn, Randomise
 from softseam.gym.reward import GENTLE, Grip, Term
+from softseam.gym.scene_env import check_finite
+from softseam.gym.show import Window, checked, modes_here, tiled, warn_of_none
 from softseam.gym.sight import BOUND, SEEN, Sight
 from softseam.gym.task_env import ACT
 from softseam.scenes import bundle_of
@@ -48,6 +52,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
     threads            that share the pieces
     device             cpu, or cuda: a graphics card, by numba-cuda (pip install 'softseam[cuda]')
     settings           of the scene, as `softseam run --set` takes them
+    render_mode        "rgb_array": `render` gives a picture of each piece; "human": a window shows four of them
     """
 
     def __init__(
@@ -60,8 +65,10 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         threads: int = 1,
         device: Literal["cpu", "cuda"] = "cpu",
         settings: Sequence[str] = (),
+        render_mode: str | None = None,
     ) -> None:
         """Raises BadInput."""
+        self.render_mode = checked(render_mode)
         count = whole(num_envs)
         if count is None or count < 1:
             raise BadInput(f"num_envs is {num_envs!r}: give a whole number of environments, 1 or more")
@@ -72,7 +79,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             raise BadInput(f"autoreset_mode is {autoreset_mode!r}: there are {', '.join(AutoresetMode.__members__)}")
         self.autoreset_mode = named[autoreset_mode]
         self.num_envs = count
-        self.metadata = {"autoreset_mode": self.autoreset_mode}
+        self.metadata = {**modes_here(), "autoreset_mode": self.autoreset_mode}
         self.single_action_space = Box(-1.0, 1.0, (2,), np.float32)
         self.single_observation_space = Box(-BOUND, BOUND, (len(SEEN),), np.float32)
         self.action_space = batch_space(self.single_action_space, count)
@@ -87,7 +94,10 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         self._tools = list(self.scene.tools)
         self._pads = [self._tools.index(pad) for pad in PADS]
         self._randomise.check_substep(self.scene, ACT / SUBSTEPS)
-        self._batch = self._open(int(threads), device)
+        self._opened = int(threads), device
+        self._batch = self._open(*self._opened)
+        self._picture: Picture | None = None
+        self._window: Window | None = None
         self._random = [seeding.np_random(None)[0] for _ in range(count)]
         rest = self._batch.structure.x_rest
         self._ground = float(rest[:, 2].min())
@@ -146,6 +156,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             assert self._over is not None
             self._over[mask] = False
             self._look_anew(mask)
+        self._show()
         return self._seen.copy(), self._told()
 
     def step(self, actions: Any) -> tuple[Numbers, Floats, Mask, Mask, dict[str, Any]]:
@@ -177,10 +188,37 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         told = self._told() | {"is_success": success, "_is_success": ~new}
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
             told = self._begin_at_once(told)
+        self._show()
         return self._seen.copy(), np.asarray(reward, np.float64), terminated, truncated, told
+
+    def render(self) -> tuple[Image, ...] | None:
+        """A picture (360, 480, 3) of each piece, where `render_mode` is "rgb_array"; "human" shows four in a window."""
+        if self.render_mode == "rgb_array":
+            return tuple(self._drawn(i) for i in range(self.num_envs))
+        if self.render_mode is None:
+            warn_of_none(self)
+            return None
+        self._window = self._window or Window(self.scene.name)
+        self._window.show(tiled([self._drawn(i) for i in range(min(self.num_envs, 4))]))
+        return None
 
     def close_extras(self, **kwargs: Any) -> None:
         self._batch.close()
+        if self._window is not None:
+            self._window.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the batch, of which the pieces are kept, and what is shown: for `copy.deepcopy` and `pickle`."""
+        state = vars(self) | {"_batch": None, "_picture": None, "_window": None}
+        return state | {"_pieces": [self._batch.snapshot(i) for i in range(self.num_envs)]}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Open another batch, which goes on from there with the same bits."""
+        pieces = state.pop("_pieces")
+        vars(self).update(state)
+        self._batch = self._open(*self._opened)
+        for i, piece in enumerate(pieces):
+            self._batch.restore(i, piece)
 
     def snapshot(self, index: int) -> dict[str, Any]:
         """One environment as it is, to put back with `restore`, here or in another batch of the same settings."""
@@ -203,6 +241,21 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
 
     # ----
 
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            self.render()
+
+    def _drawn(self, index: int) -> Image:
+        if self._over is None:
+            raise BadInput("no episode has begun: call reset()")
+        if self._picture is None:
+            structure = self._batch.structure
+            self._picture = Picture(self.scene, {"body": block_surface(structure.nodes, structure.x_rest)})
+        poses = [
+            Pose(*(each.astype(np.float64) for each in pose)) for pose in zip(*self._batch.poses(index), strict=True)
+        ]
+        return self._picture.draw({"body": self._batch.places(index).astype(np.float64)}, poses)
+
     def _own(self) -> dict[str, Any]:
         """What the environments have beside their pieces, by name."""
         assert self._over is not None
@@ -214,8 +267,9 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             numbers = np.asarray(actions, np.float64)
         except (TypeError, ValueError):
             raise BadInput(f"actions are {self.num_envs} x 2 numbers, not {actions!r}") from None
-        if numbers.shape != (self.num_envs, 2) or not np.isfinite(numbers).all():
-            raise BadInput(f"actions are {self.num_envs} x 2 finite numbers, not an array {numbers.shape}")
+        if numbers.shape != (self.num_envs, 2):
+            raise BadInput(f"actions are {self.num_envs} x 2 numbers, not an array {numbers.shape}")
+        check_finite(numbers, "actions")
         return np.clip(numbers, -1.0, 1.0).astype(np.float32).astype(np.float64)
 
     def _begin(self, mask: Mask) -> None:
