@@ -148,6 +148,21 @@ def test_what_ends_begins_anew_as_gymnasium_says() -> None:
         envs.close()
 
 
+@pytest.mark.parametrize("several", [True, False])
+def test_pads_that_meet_above_a_piece_crush_nothing(several: bool) -> None:
+    """They rise above it, then close until they are nearer to each other than half of its width."""
+    env: Any = BatchEnv(1, randomise=None) if several else TofuLift(randomise=None)
+    env.reset(seed=0)
+    info: dict[str, Any] = {}
+    for k in range(80):
+        action = [0.0, 1.0] if k < 32 else [1.0, 0.0]
+        *_, terminated, truncated, info = env.step([action] if several else action)
+        assert not terminated
+    assert truncated
+    assert info["stress"] < 600.0, "it bears its weight alone"
+    env.close()
+
+
 def test_an_environment_is_kept_and_put_back(envs: BatchEnv) -> None:
     """In another place; what follows is the same, with the piece after it."""
     _, info = envs.reset(seed=5)

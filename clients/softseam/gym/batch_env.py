@@ -347,7 +347,8 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             ),
             *(*touching, *self._last.T, self._count / STEPS),
         )
-        squeezed = np.maximum(1.0 - (self._apart - 2.0 * self._closed) / self._width, 0.0)
+        between = (found.touching[:, self._pads] > 0.0).all(axis=1)  # else they are near each other beside the piece
+        squeezed = np.where(between, np.maximum(1.0 - (self._apart - 2.0 * self._closed) / self._width, 0.0), 0.0)
         self._squeezed = squeezed
         self._peak = np.minimum(np.nan_to_num(found.stress.astype(np.float64)), self._young)
         grip = Grip(
