@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
 from mcap.records import Attachment, Header, Message, Metadata
 
+from softseam.errors import SoftseamError
 from softseam.record_stream import MAGIC, Damage, Group, index_is_whole, walk
 from softseam_protocol.errors import ProtocolError
 from softseam_protocol.messages.header import SCHEMA_VERSION
@@ -25,6 +27,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_protocol.wire import codec
 
 _TYPES = (StepReport, Frame, Event, SurfaceMesh)
+_SCHEMA = str(SCHEMA_VERSION)
 _NAMED = 3
 """holes that a note describes; it counts the others"""
 
@@ -75,7 +78,8 @@ class Recording:
         self.counts: dict[str, int] = {}
         """messages by type"""
         self.surfaces: dict[str, SurfaceMesh] = {}
-        """the bodies' surface meshes by name; those that the file ends before are missing"""
+        """the bodies' surface meshes by name; those that the file ends before are missing; where the ones recorded are
+        damaged, they are built anew from the scene, if what simulates is installed"""
         self.holes: tuple[Hole, ...] = ()
         """what is damaged or missing, in the order of the file"""
         self._files: dict[str, bytes] = {}
@@ -90,7 +94,9 @@ class Recording:
         )
         """the scene and its files, as they were simulated"""
         self.scene = Scene.model_validate_json(self.bundle.scene)
-        self.seed = int(self.metadata.get("seed", "0"))
+        self.seed = int(self.metadata.get("seed", self.scene.seed))
+        if not self.surfaces and self.counts.get("Frame"):
+            self._build_surfaces()
         self.holes = tuple(gap.hole(self.scene.step) for gap in self._gaps)
 
     @property
@@ -155,9 +161,6 @@ class Recording:
             raise RecordingError(f"there is no recording {self.path}") from None
         except OSError as error:
             raise RecordingError(f"cannot read {self.path}: {error.strerror or error}") from None
-        if stream.read(len(MAGIC)) != MAGIC:
-            stream.close()
-            raise RecordingError(f"{self.path} is not a recording: it does not begin like an MCAP file")
         return stream
 
     def _scan(self) -> list[_Gap]:
@@ -166,7 +169,7 @@ class Recording:
         last: StepReport | None = None
         with self._open() as stream:
             size = self.path.stat().st_size
-            for each in walk(stream, len(MAGIC), size):
+            for each in walk(stream, len(MAGIC) if stream.read(len(MAGIC)) == MAGIC else 0, size):
                 try:
                     steps = self._take(each)
                 except Damage as damage:
@@ -187,7 +190,7 @@ class Recording:
         """Take note of a group; its steps. Raises Damage where it is not whole, and takes nothing of it."""
         if group.damage is not None:
             raise Damage(group.damage)
-        ours = self.metadata.get("schema") == str(SCHEMA_VERSION)
+        ours = self._profile in ("", "softseam") and self.metadata.get("schema", _SCHEMA) == _SCHEMA
         try:
             decoded = [codec.decode(each.data, _TYPES) for each in group.records if isinstance(each, Message) and ours]
         except ProtocolError as error:
@@ -206,18 +209,32 @@ class Recording:
                 self._about[record.name] = dict(record.metadata)
         return [message for message in decoded if isinstance(message, StepReport)]
 
+    def _build_surfaces(self) -> None:
+        """As the recorder did, where that is possible here."""
+        from softseam.embedded import surfaces_of
+
+        points = {frame.body: len(frame.point_x) for frame in islice(self.frames(), len(self.scene.bodies))}
+        try:
+            built = surfaces_of(self.bundle, self.seed)
+        except (SoftseamError, ImportError):
+            return  # what is not drawn is read none the less
+        if {name: len(mesh.point_rest) for name, mesh in built.items()} == points:
+            self.surfaces = dict(built)
+
     def _accept(self) -> None:
         """Raises RecordingError where the file is not ours, of another schema, or too short to be of use."""
         if self._profile != "softseam" and not self.metadata:
             foreign = self._profile or not self._gaps
             what = "is an MCAP file of another program" if foreign else "is cut off or damaged at once"
+            if self._gaps and self._gaps[0].start == 0:
+                what = "does not begin like an MCAP file"
             raise RecordingError(f"{self.path} {what}, not a recording of softseam")
-        version = self.metadata.get("schema", "")
+        version = self.metadata.get("schema", _SCHEMA if not self.metadata else "")
         if not version.isdecimal() or not self.metadata.get("seed", "0").isdecimal():
             raise RecordingError(
                 f"{self.path} is damaged where it says which schema and seed it has: copy it once more"
             )
-        if version != str(SCHEMA_VERSION):
+        if version != _SCHEMA:
             maker = self.facts.get("softseam", "")
             newer = "" if int(version) < SCHEMA_VERSION else ", or a newer one"
             raise RecordingError(

@@ -192,6 +192,40 @@ def test_several_holes_are_told_one_by_one_and_the_rest_is_counted(tmp_path: Pat
     assert recording.note is not None and "and 3 more holes of" in recording.note
 
 
+def test_bodies_surfaces_that_are_damaged_are_built_anew(tmp_path: Path, whole: Whole) -> None:
+    """From the scene, as the recorder built them; they stand before everything that is simulated."""
+    place = whole.data.index(b"zstd")
+    assert place < whole.chunks[0][0]
+    path = tmp_path / "run.mcap"
+    path.write_bytes(spoil(whole.data, place + 60, b"\xff\x00\xff\x00"))
+    messages, recording = read(path)
+    assert messages == whole.encoded and len(recording.holes) == 1
+    (tmp_path / "whole.mcap").write_bytes(whole.data)
+    known = Recording(tmp_path / "whole.mcap").surfaces["body"]
+    assert recording.surfaces["body"].triangles.tobytes() == known.triangles.tobytes()
+    assert recording.surfaces["body"].point_rest.tobytes() == known.point_rest.tobytes()
+
+
+@pytest.mark.parametrize("place", [0, 3, 9, 14])
+def test_a_damaged_beginning_is_a_hole_too(tmp_path: Path, whole: Whole, place: int) -> None:
+    """The magic, or the record behind it, without which nothing is lost."""
+    path = tmp_path / "run.mcap"
+    path.write_bytes(spoil(whole.data, place, bytes([whole.data[place] ^ 0x55])))
+    messages, recording = read(path)
+    assert messages == whole.encoded and recording.seed == 7
+    assert recording.note is not None and "no step is missing" in recording.note
+
+
+def test_without_what_is_known_of_it_a_recording_is_shown(tmp_path: Path, whole: Whole) -> None:
+    """Seed and schema are lost; the messages have a schema, and the scene a seed of its own."""
+    path = tmp_path / "run.mcap"
+    place = whole.data.index(b"softseam", whole.data.index(b"\x0c")) - 13
+    path.write_bytes(spoil(whole.data, place, b"\xee"))
+    messages, recording = read(path)
+    assert messages == whole.encoded and recording.metadata == {} and recording.seed == recording.scene.seed
+    assert recording.note is not None and "unknown kind of record" in recording.note
+
+
 def test_a_damaged_seed_is_refused(tmp_path: Path, whole: Whole) -> None:
     """The one number in the head that no checksum covers; its length makes the rest of the head part of it."""
     data = whole.data
