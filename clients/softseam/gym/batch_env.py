@@ -8,23 +8,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box
 from gymnasium.utils import seeding
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from softseam.errors import BadInput
-from softseam.gym.block_surface import block_surface
 from softseam.gym.lift_scene import CRUSHED, HEIGHT, PADS, SPEED, STEPS, SUBSTEPS, settings_of
-from softseam.gym.picture import Image, Picture, Pose
 from softseam.gym.randomise import Drawn, Randomise
 from softseam.gym.reward import GENTLE, Grip, Term
 from softseam.gym.scene_env import check_finite
-from softseam.gym.show import Window, checked, modes_here, tiled, warn_of_none
+from softseam.gym.show import checked, modes_here
+from softseam.gym.shown_batch import Device, Numbers, ShownBatch
 from softseam.gym.sight import BOUND, SEEN, Sight
 from softseam.gym.task_env import ACT
 from softseam.scenes import bundle_of
@@ -32,12 +31,11 @@ from softseam.session import whole
 from softseam.variants import with_settings
 from softseam_protocol.scene.tools import BoxTool
 
-Numbers = NDArray[np.float32]
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
+class BatchEnv(ShownBatch):
     """`TofuLift` for many pieces, simulated by XPBD, eight side by side in each thread.
 
     See there for what is done, seen and rewarded. `info` has arrays: the time, grip_force, lift_height, slip,
@@ -63,7 +61,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         randomise: Randomise | None = Randomise(),  # noqa: B008 - it is frozen
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int = 1,
-        device: Literal["cpu", "cuda"] = "cpu",
+        device: Device = "cpu",
         settings: Sequence[str] = (),
         render_mode: str | None = None,
     ) -> None:
@@ -96,8 +94,6 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         self._randomise.check_substep(self.scene, ACT / SUBSTEPS)
         self._opened = int(threads), device
         self._batch = self._open(*self._opened)
-        self._picture: Picture | None = None
-        self._window: Window | None = None
         self._random = [seeding.np_random(None)[0] for _ in range(count)]
         rest = self._batch.structure.x_rest
         self._ground = float(rest[:, 2].min())
@@ -115,7 +111,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         self._over: Mask | None = None
         """episodes that ended with the last step; None before the first reset"""
 
-    def _open(self, threads: int, device: Literal["cpu", "cuda"]) -> Any:
+    def _open(self, threads: int, device: Device) -> Any:
         from softseam_services.body.errors import SettingError
         from softseam_services.pbd.batch.batch import Batch
 
@@ -191,35 +187,6 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         self._show()
         return self._seen.copy(), np.asarray(reward, np.float64), terminated, truncated, told
 
-    def render(self) -> tuple[Image, ...] | None:
-        """A picture (360, 480, 3) of each piece, where `render_mode` is "rgb_array"; "human" shows four in a window."""
-        if self.render_mode == "rgb_array":
-            return tuple(self._drawn(i) for i in range(self.num_envs))
-        if self.render_mode is None:
-            warn_of_none(self)
-            return None
-        self._window = self._window or Window(self.scene.name)
-        self._window.show(tiled([self._drawn(i) for i in range(min(self.num_envs, 4))]))
-        return None
-
-    def close_extras(self, **kwargs: Any) -> None:
-        self._batch.close()
-        if self._window is not None:
-            self._window.close()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """All but the batch, of which the pieces are kept, and what is shown: for `copy.deepcopy` and `pickle`."""
-        state = vars(self) | {"_batch": None, "_picture": None, "_window": None}
-        return state | {"_pieces": [self._batch.snapshot(i) for i in range(self.num_envs)]}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Open another batch, which goes on from there with the same bits."""
-        pieces = state.pop("_pieces")
-        vars(self).update(state)
-        self._batch = self._open(*self._opened)
-        for i, piece in enumerate(pieces):
-            self._batch.restore(i, piece)
-
     def snapshot(self, index: int) -> dict[str, Any]:
         """One environment as it is, to put back with `restore`, here or in another batch of the same settings."""
         return {
@@ -240,21 +207,6 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             each[index] = kept[name]
 
     # ----
-
-    def _show(self) -> None:
-        if self.render_mode == "human":
-            self.render()
-
-    def _drawn(self, index: int) -> Image:
-        if self._over is None:
-            raise BadInput("no episode has begun: call reset()")
-        if self._picture is None:
-            structure = self._batch.structure
-            self._picture = Picture(self.scene, {"body": block_surface(structure.nodes, structure.x_rest)})
-        poses = [
-            Pose(*(each.astype(np.float64) for each in pose)) for pose in zip(*self._batch.poses(index), strict=True)
-        ]
-        return self._picture.draw({"body": self._batch.places(index).astype(np.float64)}, poses)
 
     def _own(self) -> dict[str, Any]:
         """What the environments have beside their pieces, by name."""
