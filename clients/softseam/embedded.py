@@ -110,10 +110,7 @@ class EmbeddedBackend:
             return self.simulation.estimate()
 
     def surface_meshes(self) -> Mapping[str, SurfaceMesh]:
-        from softseam_services.recorder.begin import begin
-
-        bodies = {name: one.body for name, one in self.simulation.bodies.items()}
-        return begin(self._bundle, bodies, self.simulation.tools).surfaces
+        return _surfaces(self._bundle, self.simulation)
 
     def differentiate(
         self,
@@ -176,6 +173,13 @@ class EmbeddedBackend:
         self._events.append(Event(header, EventKind.RECORDING, reason))
 
 
+def _surfaces(bundle: Bundle, simulation: Simulation) -> Mapping[str, SurfaceMesh]:
+    from softseam_services.recorder.begin import begin
+
+    bodies = {name: one.body for name, one in simulation.bodies.items()}
+    return begin(bundle, bodies, simulation.tools).surfaces
+
+
 class Resimulation:
     """A simulation of a recorded scene from its start, to compare with the recording: frames as they are emitted."""
 
@@ -189,6 +193,10 @@ class Resimulation:
 
     def step(self, velocities: Mapping[str, Sequence[float]], fields: bool) -> StepReport:
         return self._simulation.step(velocities, fields=fields)
+
+    def surfaces(self, bundle: Bundle) -> Mapping[str, SurfaceMesh]:
+        """Of the bodies of this scene."""
+        return _surfaces(bundle, self._simulation)
 
     def frame(self, body: str) -> Frame:
         """A body's frame of the last step. A switch at the end of that step is not in it, as in a recording."""
@@ -211,6 +219,12 @@ def resimulate(bundle: Bundle, seed: int) -> Iterator[Resimulation]:
             yield simulation
         finally:
             simulation.close()
+
+
+def surfaces_of(bundle: Bundle, seed: int) -> Mapping[str, SurfaceMesh]:
+    """Surfaces of a scene's bodies, as a recording of it begins with. Raises SoftseamError."""
+    with resimulate(bundle, seed) as simulation:
+        return simulation.surfaces(bundle)
 
 
 def compile_first(scene: Scene) -> None:

@@ -81,6 +81,8 @@ _EXTRA_OF = {
     "torch": "learn",
     "ray": "ray",
 }
+PROCESSORS_ALONE = "pip install torch --index-url https://download.pytorch.org/whl/cpu"
+"""PyTorch's own way to a build without what graphics cards need: gigabytes, which PyPI's for Linux brings"""
 
 
 def missing_extra(error: ImportError, purpose: str) -> ImportError:
@@ -89,11 +91,16 @@ def missing_extra(error: ImportError, purpose: str) -> ImportError:
     extra = _EXTRA_OF.get(absent)
     if extra is None or not isinstance(error, ModuleNotFoundError):
         return error
-    return MissingExtra(f"{purpose} needs {absent}, which is not installed: pip install 'softseam[{extra}]'")
+    return _missing(purpose, absent, extra)
 
 
 def require_extra(extra: str, purpose: str) -> None:
     """Raise MissingExtra where a package of an extra is not installed; imports nothing."""
     for package, needed_by in _EXTRA_OF.items():
         if needed_by == extra and find_spec(package) is None:
-            raise MissingExtra(f"{purpose} needs {package}, which is not installed: pip install 'softseam[{extra}]'")
+            raise _missing(purpose, package, extra)
+
+
+def _missing(purpose: str, package: str, extra: str) -> MissingExtra:
+    first = f"{PROCESSORS_ALONE}, which is enough, then " if extra == "learn" else ""
+    return MissingExtra(f"{purpose} needs {package}, which is not installed: {first}pip install 'softseam[{extra}]'")

@@ -1,20 +1,23 @@
-"""Reads recordings: whole ones, and those that a crash or a full disk cut off.
+"""Reads recordings: whole ones, those that a crash or a full disk cut off, and what is whole of damaged ones.
 
 >>> recording = Recording("run.mcap")
 >>> for message in recording:            # StepReport, Frame and Event, in the order they were recorded
 ...     ...
->>> recording.note                       # None, or what is missing at the end
+>>> recording.note                       # None, or what is missing, and where
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
-from mcap.records import Attachment, Channel, Header, Message, Metadata
+from mcap.records import Attachment, Header, Message, Metadata
 
-from softseam.record_stream import MAGIC, Damage, Group, groups
+from softseam.errors import SoftseamError
+from softseam.record_stream import MAGIC, Damage, Group, index_is_whole, walk
 from softseam_protocol.errors import ProtocolError
 from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.messages.participant import Bundle
@@ -23,8 +26,10 @@ from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.wire import codec
 
-TOPIC = "/softseam/"
-TYPES = {"StepReport": StepReport, "Frame": Frame, "Event": Event, "SurfaceMesh": SurfaceMesh}
+_TYPES = (StepReport, Frame, Event, SurfaceMesh)
+_SCHEMA = str(SCHEMA_VERSION)
+_NAMED = 3
+"""holes that a note describes; it counts the others"""
 
 Recorded = StepReport | Frame | Event
 T = TypeVar("T", StepReport, Frame, Event)
@@ -39,6 +44,29 @@ class RecordingError(Exception):
     """A file is no recording that can be read; the text names the file, what is wrong and the remedy."""
 
 
+@dataclass(frozen=True)
+class Hole:
+    """A place where bytes are damaged or missing."""
+
+    why: str
+    """completes "run.mcap ..." """
+    bytes: int
+    """that are left out [B]"""
+    start: float
+    """up to here the run is known [s]"""
+    end: float | None
+    """and from here on again [s]; None where the file has no step behind"""
+    steps: int
+    """that are missing; 0 where the file has no step behind"""
+
+    def __str__(self) -> str:
+        if self.end is None:
+            rest = f"; {self.bytes} bytes behind are left out" if self.bytes else ""
+            return f"{self.why}; read up to {self.start:.6g} s{rest}"
+        lost = {0: "no step is missing", 1: "1 step is missing"}.get(self.steps, f"{self.steps} steps are missing")
+        return f"{self.why}; {self.bytes} bytes from {self.start:.6g} s to {self.end:.6g} s are left out, {lost}"
+
+
 class Recording:
     """A recording on disk. Opening it reads through the file once and checks it; iterating reads it again.
 
@@ -50,17 +78,15 @@ class Recording:
         self.counts: dict[str, int] = {}
         """messages by type"""
         self.surfaces: dict[str, SurfaceMesh] = {}
-        """the bodies' surface meshes by name; those that the file ends before are missing"""
-        self.metadata: dict[str, str] = {}
-        """session, seed, schema, epoch, started"""
-        self.facts: dict[str, str] = {}
-        """versions and machine"""
+        """the bodies' surface meshes by name; those that the file ends before are missing; where the ones recorded are
+        damaged, they are built anew from the scene, if what simulates is installed"""
+        self.holes: tuple[Hole, ...] = ()
+        """what is damaged or missing, in the order of the file"""
         self._files: dict[str, bytes] = {}
+        self._spans: list[tuple[int, int]] = []  # of the file, with messages
+        self._about: dict[str, dict[str, str]] = {}
         self._profile = ""
-        self._good = len(MAGIC)
-        self._size = 0
-        self._damage: str | None = None
-        self._scan()
+        self._gaps = self._scan()
         self._accept()
         self.bundle = Bundle(
             scene=self._files["scene.json"].decode(),
@@ -68,27 +94,41 @@ class Recording:
         )
         """the scene and its files, as they were simulated"""
         self.scene = Scene.model_validate_json(self.bundle.scene)
-        self.seed = int(self.metadata.get("seed", "0"))
+        self.seed = int(self.metadata.get("seed", self.scene.seed))
+        if not self.surfaces and self.counts.get("Frame"):
+            self._build_surfaces()
+        self.holes = tuple(gap.hole(self.scene.step) for gap in self._gaps)
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """session, seed, schema, epoch, started"""
+        return self._about.get("softseam", {})
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """versions and machine"""
+        return self._about.get("facts", {})
 
     @property
     def note(self) -> str | None:
         """What is missing, in words, or None for a whole recording."""
-        if self._damage is None:
+        told = [str(hole) for hole in self.holes[:_NAMED]]
+        if not told:
             return None
-        left = self._size - self._good
-        rest = f"; {left} bytes behind are left out" if left else ""
-        return f"{self.path} {self._damage}; read up to there: {self.counts.get('StepReport', 0)} steps{rest}"
+        more = self.holes[_NAMED:]
+        others = f"; and {len(more)} more holes of {sum(hole.bytes for hole in more)} bytes" if more else ""
+        return f"{self.path} {'; it '.join(told)}{others}; {self.counts.get('StepReport', 0)} steps are read"
 
     def __iter__(self) -> Iterator[Recorded]:
         """All messages, in the order they were recorded."""
-        for kind, message in self._messages():
-            if kind != "SurfaceMesh":
-                yield codec.decode(message.data, TYPES[kind])
+        for message in self._messages():
+            if codec.peek(message.data) is not SurfaceMesh:
+                yield codec.decode(message.data, Recorded)
 
     def only(self, kind: type[T]) -> Iterator[T]:
         """All messages of one type."""
-        for name, message in self._messages():
-            if name == kind.__name__:
+        for message in self._messages():
+            if codec.peek(message.data) is kind:
                 yield codec.decode(message.data, kind)
 
     def reports(self) -> Iterator[StepReport]:
@@ -105,16 +145,14 @@ class Recording:
 
     def raw(self) -> Iterator[tuple[str, int, int, bytes]]:
         """(type, log time [ns], publish time [ns], encoded message), verbatim."""
-        for kind, message in self._messages():
-            yield kind, message.log_time, message.publish_time, message.data
+        for message in self._messages():
+            yield codec.peek(message.data).__name__, message.log_time, message.publish_time, message.data
 
-    def _messages(self) -> Iterator[tuple[str, Message]]:
-        channels: dict[int, str] = {}
+    def _messages(self) -> Iterator[Message]:
         with self._open() as stream:
-            for group in groups(stream, self._size):
-                yield from _named(group, channels)
-                if group.end >= self._good:
-                    return
+            for start, end in self._spans:
+                for group in walk(stream, start, end):
+                    yield from (record for record in group.records if isinstance(record, Message))
 
     def _open(self) -> BinaryIO:
         try:
@@ -123,65 +161,119 @@ class Recording:
             raise RecordingError(f"there is no recording {self.path}") from None
         except OSError as error:
             raise RecordingError(f"cannot read {self.path}: {error.strerror or error}") from None
-        if stream.read(len(MAGIC)) != MAGIC:
-            stream.close()
-            raise RecordingError(f"{self.path} is not a recording: it does not begin like an MCAP file")
         return stream
 
-    def _scan(self) -> None:
-        """Read the whole file, checking lengths, checksums and every message."""
-        channels: dict[int, str] = {}
+    def _scan(self) -> list[_Gap]:
+        """Read the whole file, checking lengths, checksums and every message; what is none."""
+        found: list[_Gap] = []
+        last: StepReport | None = None
         with self._open() as stream:
-            self._size = self.path.stat().st_size
-            try:
-                for group in groups(stream, self._size):
-                    self._take(group, channels)
-                    self._good = group.end
-            except Damage as damage:
-                self._damage = str(damage)
-            else:
-                self._good = self._size
+            size = self.path.stat().st_size
+            for each in walk(stream, len(MAGIC) if stream.read(len(MAGIC)) == MAGIC else 0, size):
+                try:
+                    steps = self._take(each)
+                except Damage as damage:
+                    _leave_out(found, each, str(damage), last)
+                    continue
+                if steps:
+                    found = [replace(gap, after=gap.after or steps[0]) for gap in found]
+                    last = steps[-1]
+                if any(isinstance(record, Message) for record in each.records):
+                    self._spans.append((each.start, each.end))
+            if "end" in self._about:  # as its recorder said
+                found.append(_Gap(size, size, self._about["end"].get("why", "").rstrip(), last))
+            elif not (found and found[-1].end == size) and not index_is_whole(stream, size):
+                found.append(_Gap(size, size, "is cut off inside its index (no message is missing)", last))
+        return found
 
-    def _take(self, group: Group, channels: dict[int, str]) -> None:
-        counts = dict(self.counts)
-        for kind, message in _named(group, channels):
-            try:
-                decoded: object = codec.decode(message.data, TYPES[kind])
-            except ProtocolError as error:
-                raise Damage(f"is damaged: a {kind} cannot be decoded ({error})") from None
-            counts[kind] = counts.get(kind, 0) + 1
-            if isinstance(decoded, SurfaceMesh):
-                self.surfaces[decoded.body] = decoded
-        self.counts = counts
+    def _take(self, group: Group) -> list[StepReport]:
+        """Take note of a group; its steps. Raises Damage where it is not whole, and takes nothing of it."""
+        if group.damage is not None:
+            raise Damage(group.damage)
+        ours = self._profile in ("", "softseam") and self.metadata.get("schema", _SCHEMA) == _SCHEMA
+        try:
+            decoded = [codec.decode(each.data, _TYPES) for each in group.records if isinstance(each, Message) and ours]
+        except ProtocolError as error:
+            raise Damage(f"is damaged: a message cannot be decoded ({error})") from None
+        for message in decoded:
+            kind = type(message).__name__
+            self.counts[kind] = self.counts.get(kind, 0) + 1
+            if isinstance(message, SurfaceMesh):
+                self.surfaces[message.body] = message
         for record in group.records:
             if isinstance(record, Header):
                 self._profile = record.profile
             elif isinstance(record, Attachment):
                 self._files[record.name] = record.data
             elif isinstance(record, Metadata):
-                if record.name == "softseam":
-                    self.metadata = dict(record.metadata)
-                elif record.name == "facts":
-                    self.facts = dict(record.metadata)
+                self._about[record.name] = dict(record.metadata)
+        return [message for message in decoded if isinstance(message, StepReport)]
+
+    def _build_surfaces(self) -> None:
+        """As the recorder did, where that is possible here."""
+        from softseam.embedded import surfaces_of
+
+        points = {frame.body: len(frame.point_x) for frame in islice(self.frames(), len(self.scene.bodies))}
+        try:
+            built = surfaces_of(self.bundle, self.seed)
+        except (SoftseamError, ImportError):
+            return  # what is not drawn is read none the less
+        if {name: len(mesh.point_rest) for name, mesh in built.items()} == points:
+            self.surfaces = dict(built)
 
     def _accept(self) -> None:
         """Raises RecordingError where the file is not ours, of another schema, or too short to be of use."""
-        if self._profile != "softseam":
-            foreign = self._profile or self._damage is None
-            what = "is an MCAP file of another program" if foreign else "is cut off at once"
+        if self._profile != "softseam" and not self.metadata:
+            foreign = self._profile or not self._gaps
+            what = "is an MCAP file of another program" if foreign else "is cut off or damaged at once"
+            if self._gaps and self._gaps[0].start == 0:
+                what = "does not begin like an MCAP file"
             raise RecordingError(f"{self.path} {what}, not a recording of softseam")
-        version = self.metadata.get("schema", "0")
-        if version != str(SCHEMA_VERSION):
+        version = self.metadata.get("schema", _SCHEMA if not self.metadata else "")
+        if not version.isdecimal() or not self.metadata.get("seed", "0").isdecimal():
+            raise RecordingError(
+                f"{self.path} is damaged where it says which schema and seed it has: copy it once more"
+            )
+        if version != _SCHEMA:
             maker = self.facts.get("softseam", "")
-            newer = "" if version.isdecimal() and int(version) < SCHEMA_VERSION else ", or a newer one"
+            newer = "" if int(version) < SCHEMA_VERSION else ", or a newer one"
             raise RecordingError(
                 f"{self.path} has schema version {version}; this softseam reads {SCHEMA_VERSION}: read it with the "
                 f"softseam that recorded it{f' ({maker})' if maker else ''}{newer}, or record its scene again"
             )
-        if not self.metadata.get("seed", "0").isdecimal():
-            raise RecordingError(f"{self.path} is damaged where it says which seed it had: copy it once more")
         if "scene.json" not in self._files:
-            raise RecordingError(f"{self.path} ends before its scene: there is nothing in it to read")
+            what = self._gaps[0].why if self._gaps else "has no scene"
+            raise RecordingError(f"{self.path} {what}, and its scene is not in what can be read: copy it once more")
+
+
+@dataclass(frozen=True)
+class _Gap:
+    """Bytes of the file that are none of a recording, and the steps beside them."""
+
+    start: int
+    end: int
+    why: str
+    before: StepReport | None
+    after: StepReport | None = None
+
+    def hole(self, step: float) -> Hole:
+        """In terms of the run; step [s]."""
+        before, after = self.before, self.after
+        return Hole(
+            self.why,
+            self.end - self.start,
+            0.0 if before is None else before.header.time + step,
+            None if after is None else after.header.time,
+            0 if after is None else after.header.step - (0 if before is None else before.header.step + 1),
+        )
+
+
+def _leave_out(found: list[_Gap], group: Group, why: str, last: StepReport | None) -> None:
+    """Add a gap, or make the last one longer."""
+    if found and found[-1].end == group.start:
+        found[-1] = replace(found[-1], end=group.end)
+    else:
+        found.append(_Gap(group.start, group.end, why, last))
 
 
 def _newest(path: Path) -> Path:
@@ -191,12 +283,3 @@ def _newest(path: Path) -> Path:
     if not files:
         raise RecordingError(f"there is no recording (*.mcap) in the folder {path}")
     return files[-1]
-
-
-def _named(group: Group, channels: dict[int, str]) -> Iterator[tuple[str, Message]]:
-    """The messages of the types that we know."""
-    for record in group.records:
-        if isinstance(record, Channel):
-            channels[record.id] = record.topic.removeprefix(TOPIC)
-        elif isinstance(record, Message) and channels.get(record.channel_id) in TYPES:
-            yield channels[record.channel_id], record

@@ -21,7 +21,7 @@ PROGRAMS = re.findall(r"```python\n(.*?)```", TRAINING + PAGE + ENVIRONMENTS, re
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(10))
+@pytest.mark.parametrize("number", range(11))
 def test_a_program_runs(
     number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -39,13 +39,13 @@ def test_a_program_runs(
         info = names["info"]
         assert isinstance(info, dict) and info["time"] == pytest.approx(0.2)
     if number >= 8:
-        assert printed == ("(15,) (64, 3)\n", "(64, 64) True True\n")[number - 8]
+        assert printed == ("(360, 480, 3)\n", "(15,) (64, 3)\n", "(64, 64) True True\n")[number - 8]
     elif number >= 5:
         assert re.match(("lifted", "reached", "folded")[number - 5] + r" [\d.]+\n$", printed)
 
 
 def test_there_is_no_other_program() -> None:
-    assert len(PROGRAMS) == 10
+    assert len(PROGRAMS) == 11
 
 
 def test_all_environments_are_on_their_page() -> None:
@@ -60,4 +60,4 @@ def test_all_environments_are_on_their_page() -> None:
 def test_what_a_subclass_may_say_is_in_the_table() -> None:
     rows = set(re.findall(r"^\| `(\w+)\(", PAGE, re.MULTILINE))
     own = {name for name, what in vars(SceneEnv).items() if callable(what) and not name.startswith("_")}
-    assert rows == own - {"reset", "step", "close"}
+    assert rows == own - {"reset", "step", "render", "close"}

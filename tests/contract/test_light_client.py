@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from softseam.errors import missing_extra
+
 HEAVY = ("numba", "llvmlite", "scipy", "igl", "rerun", "zenoh", "pyarrow", "matplotlib", "meshio", "mcap")
 
 
@@ -87,3 +89,12 @@ def test_house_names_no_registry() -> None:
         assert not [line for line in pins if "==" not in line or "+" in line]
         assert not [line for line in lines if "://" in line or "index-url" in line or "find-links" in line]
         assert sum("--hash=sha256:" in line for line in lines) >= len(pins)
+
+
+def test_what_learning_needs_comes_without_what_graphics_cards_need() -> None:
+    """Where either is missing, PyTorch for processors alone is named first."""
+    for package in ("torch", "stable_baselines3"):
+        error = missing_extra(ModuleNotFoundError(name=package), "training")
+        first, then = str(error).split(", which is enough, then ")
+        assert first.endswith("pip install torch --index-url https://download.pytorch.org/whl/cpu")
+        assert then == "pip install 'softseam[learn]'"

@@ -32,6 +32,7 @@ CLASSES = (
     ("softseam.surrogate.surrogate", "Surrogate"),
     ("softseam.surrogate.surrogate", "Told"),
     ("softseam.recording", "Recording"),
+    ("softseam.recording", "Hole"),
     ("softseam.report", "ReportBuilder"),
     ("softseam.gym.scene_env", "SceneEnv"),
     ("softseam.gym.tofu_lift", "TofuLift"),

@@ -140,21 +140,34 @@ def test_sac_learns_from_the_batch_too(tmp_path: Path) -> None:
 
 @learns
 @pytest.mark.slow
-@pytest.mark.parametrize("lost", [True, False])
-def test_it_is_told_where_checks_ended_early(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lost: bool) -> None:
-    class Killed(Beside):
+@pytest.mark.parametrize(
+    ("sent", "steps", "told"),
+    [
+        (signal.SIGKILL, 80, "none, as its process ended by itself, with code -9; evaluate judges the policy by FEM"),
+        (None, 80, "none, as no episode of the first environment was over that it could replay"),
+        (signal.SIGSTOP, 1000, "none, as its process still compiled, or replayed the first"),
+    ],
+)
+def test_a_training_without_checks_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sent: signal.Signals | None, steps: int, told: str
+) -> None:
+    """The process is killed; has nothing to do; is as slow as where it compiles all that training takes."""
+
+    class Sent(Beside):
         def __init__(self, *given: Any) -> None:
             super().__init__(*given)
-            self._process.kill()
-            self._process.wait()
+            if sent is not None:
+                self._process.send_signal(sent)
+            if sent is signal.SIGKILL:
+                self._process.wait()
 
-    if lost:
-        monkeypatch.setattr(training, "Beside", Killed)
+    monkeypatch.setattr(training, "Beside", Sent)
+    monkeypatch.setattr(training, "_WAIT", 0.1)
     said = Console(file=StringIO(), width=120)
-    train(Wishes(algorithm="sac", environments=4, steps=80, out=tmp_path / "out"), said)
+    train(Wishes(algorithm="sac", environments=4, steps=steps, out=tmp_path / "out"), said)
     assert isinstance(said.file, StringIO)
-    assert ("ended before the training did" in said.file.getvalue()) is lost
-    assert read_training(tmp_path / "out").done == 80
+    assert f"episodes checked by FEM: {told}" in said.file.getvalue()
+    assert read_training(tmp_path / "out").done == steps
 
 
 @learns

@@ -272,7 +272,8 @@ def test_asked_to_stop_it_finishes_its_files(bus: Bus, recorder: Recorder) -> No
     assert bus.call(KEYS.recorder, Commit(run.begin.header), Recorded, 10.0).messages == len(messages)
     assert recorder.stop(signal.SIGTERM) == 0
     recording = Recording(recorder.folder / "test.mcap")
-    assert recording.note is None and recording.counts["StepReport"] == 50
+    assert recording.counts["StepReport"] == 50
+    assert "was cut off: the recorder stops; read up to 0.5 s; 50 steps are read" in str(recording.note)
 
 
 def test_a_folder_that_cannot_be_written_is_exit_2_and_one_line(options: BusOptions, tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from chromium import browse
+from damaged import with_a_bad_chunk
 from matplotlib.image import imread
 from squeeze import SCENE, Squeeze
 
@@ -28,6 +29,7 @@ from softseam.replay.screenshot import screenshots
 from softseam.replay.show import free_port, web_address, web_arguments
 from softseam.replay.viewer import REPORTING, quiet, running, viewer
 from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.recording import Begin
 from softseam_protocol.messages.session import Frame
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -94,6 +96,17 @@ def test_a_cut_recording_is_replayed_up_to_the_cut(tmp_path: Path) -> None:
         cut.write_bytes(whole[: int(part * len(whole))])
         replay(cut, save=tmp_path / f"cut{i}.rrd")
         rerun("rrd", "verify", str(tmp_path / f"cut{i}.rrd"))
+
+
+def test_a_hole_is_replayed_around_and_told(tmp_path: Path) -> None:
+    run = Squeeze(20, cell=0.025)
+    recording = Recording(with_a_bad_chunk(tmp_path / "run.mcap", run.begin, run.messages(), 2))
+    (hole,) = recording.holes
+    assert 0 < hole.steps < 5 and recording.counts["StepReport"] == 20 - hole.steps
+    replay(recording, save=tmp_path / "run.rrd")
+    rerun("rrd", "verify", str(tmp_path / "run.rrd"))
+    said = rerun("rrd", "print", "-vvv", str(tmp_path / "run.rrd"))
+    assert "[recording: the recording is damaged: " in said
 
 
 def test_a_file_that_cannot_be_written_is_one_clear_error(tmp_path: Path) -> None:
@@ -230,20 +243,29 @@ class Changed(Recording):
             yield message
 
 
+Simulated = tuple[Begin, list[Recordable]]
+
+
 @pytest.fixture(scope="module")
-def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A real run of 30 steps, FEM and PBD together, recorded."""
-    path = tmp_path_factory.mktemp("verify") / "run.mcap"
+def messages() -> Simulated:
+    """A real run of 30 steps, FEM and PBD together."""
     scene = Scene.model_validate({**SCENE, "body": {**SCENE["body"], "cell": 0.025}, "duration": 0.3})  # type: ignore[dict-item]
     bundle = Bundle(scene.model_dump_json(), {})
     messages: list[Recordable] = []
     simulation = Simulation(bundle, EmbeddedTransport(), emit=messages.append)
-    with McapRecorder(path, begin(bundle, {"body": simulation.body}, simulation.tools)) as recorder:
-        while not simulation.done:
-            simulation.step(fields=True)
-        for message in messages:
-            recorder.write(message)
+    start = begin(bundle, {"body": simulation.body}, simulation.tools)
+    while not simulation.done:
+        simulation.step(fields=True)
     simulation.close()
+    return start, messages
+
+
+@pytest.fixture(scope="module")
+def simulated(messages: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("verify") / "run.mcap"
+    with McapRecorder(path, messages[0]) as recorder:
+        for message in messages[1]:
+            recorder.write(message)
     return path
 
 
@@ -259,3 +281,15 @@ def test_verification_says_which_step_differs_first(simulated: Path) -> None:
     found = verify(changed, resimulate)
     assert not found.same and found.differs_at == 17
     assert found.text.startswith("step 17 is the first that differs: x by up to ")
+
+
+def test_verification_ends_before_a_hole_and_says_so(messages: Simulated, tmp_path: Path) -> None:
+    """Commands of the steps in it are lost, without which none of those behind can be repeated."""
+    recording = Recording(with_a_bad_chunk(tmp_path / "run.mcap", *messages, 4))
+    (hole,) = recording.holes
+    first = round(hole.start / 0.01)
+    found = verify(recording, resimulate)
+    assert not found.same and found.steps == found.differs_at == first > 5
+    assert f"the {first} steps before it and their {found.frames} frames are the same, bit for bit" in found.text
+    assert f"commands of the {hole.steps} steps before step {first + hole.steps} are missing" in found.text
+    assert "(" + str(recording.note) + ")" in found.text

@@ -148,6 +148,21 @@ def test_what_ends_begins_anew_as_gymnasium_says() -> None:
         envs.close()
 
 
+@pytest.mark.parametrize("several", [True, False])
+def test_pads_that_meet_above_a_piece_crush_nothing(several: bool) -> None:
+    """They rise above it, then close until they are nearer to each other than half of its width."""
+    env: Any = BatchEnv(1, randomise=None) if several else TofuLift(randomise=None)
+    env.reset(seed=0)
+    info: dict[str, Any] = {}
+    for k in range(80):
+        action = [0.0, 1.0] if k < 32 else [1.0, 0.0]
+        *_, terminated, truncated, info = env.step([action] if several else action)
+        assert not terminated
+    assert truncated
+    assert info["stress"] < 600.0, "it bears its weight alone"
+    env.close()
+
+
 def test_an_environment_is_kept_and_put_back(envs: BatchEnv) -> None:
     """In another place; what follows is the same, with the piece after it."""
     _, info = envs.reset(seed=5)
@@ -232,8 +247,8 @@ def test_bad_calls_are_named_and_change_nothing(envs: BatchEnv) -> None:
         envs.step(np.zeros((5, 2)))
     envs.reset(seed=2)
     before = [envs.snapshot(i)["body"] for i in range(5)]
-    for action in (np.zeros((4, 2)), np.full((5, 2), np.nan), "close"):
-        with pytest.raises(BadInput, match="5 x 2"):
+    for action, told in ((np.zeros((4, 2)), "5 x 2"), (np.full((5, 2), np.nan), "not finite"), ("close", "5 x 2")):
+        with pytest.raises(BadInput, match=told):
             envs.step(action)
     for mask in ([True] * 5 + [False], np.zeros(5, dtype=bool), np.ones(5)):
         with pytest.raises(BadInput, match="reset_mask"):

@@ -50,10 +50,12 @@ def test_bad_actions_are_refused_and_change_nothing(tofu: TofuLift) -> None:
     tofu.reset(seed=0)
     seen, *_ = tofu.step([0.4, 0.0])
     before = tofu.session.last
-    bad: list[Any] = [[np.nan, 0.0], [0.4], [[0.4, 0.0]], "close", None]
+    bad: list[Any] = [[0.4], [[0.4, 0.0]], "close", None]
     for action in bad:
         with pytest.raises(softseam.BadInput, match="2"):
             tofu.step(action)
+    with pytest.raises(softseam.BadInput, match="not finite"):
+        tofu.step([0.4, np.nan])
     assert tofu.session.last is before
     far, *_ = tofu.step([40.0, 0.0])
     moved = 0.02 * (far[0] - seen[0])

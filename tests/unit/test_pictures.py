@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import solids
 from benchmarks.pictures import WIDTH, smaller
+from damaged import with_a_bad_chunk
 from matplotlib.image import imread
 from PIL import Image
 from solids import obj
@@ -127,6 +128,21 @@ def test_a_recording_cut_before_its_first_frame_still_gives_no_traceback(recordi
         cut.write_bytes(data[: int(part * len(data))])
         assert Recording(cut).note is not None
         draw_pictures(cut, tmp_path / str(part))
+
+
+def test_what_a_damaged_recording_lacks_is_hatched(tmp_path: Path) -> None:
+    """Beside a recording of the steps that are left, whose curves are the same."""
+    run = Squeeze(20, cell=0.025)
+    damaged = with_a_bad_chunk(tmp_path / "damaged.mcap", run.begin, run.messages(), 3)
+    (hole,) = Recording(damaged).holes
+    assert hole.steps == 3
+    with McapRecorder(tmp_path / "left.mcap", run.begin) as recorder:
+        for message in Recording(damaged):
+            recorder.write(message)
+    left, hatched = (
+        imread(draw_pictures(tmp_path / f"{name}.mcap", tmp_path / name)[1]) for name in ("left", "damaged")
+    )
+    assert 0.01 < (left != hatched).any(axis=2).mean() < 0.2
 
 
 def test_tools_of_every_kind_are_recorded_drawn_and_replayed(tmp_path: Path) -> None:

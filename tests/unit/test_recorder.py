@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import platform
 import signal
@@ -13,6 +14,7 @@ import time
 from pathlib import Path
 
 import pytest
+from full_disk import files_up_to
 from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
@@ -21,7 +23,7 @@ from squeeze import Squeeze
 from softseam.recording import Recording
 from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.wire import codec
-from softseam_services.recorder.log_file import log_time
+from softseam_services.recorder.log_file import LogFile, log_time
 from softseam_services.recorder.recorder import McapRecorder
 from softseam_services.recorder.whole_file import RecordError, WholeFile
 
@@ -123,8 +125,8 @@ def test_a_stalled_disk_costs_one_short_wait_and_is_counted(tmp_path: Path, monk
     assert ended.lost == recorder.lost >= 50
     assert told == ["the disk is too slow: messages are dropped until it catches up"]
     assert sum(wait > 0.04 for wait in waits) <= 3, "it waits once a stall, not once a message"
-    assert Recording(tmp_path / "run.mcap").note is None
     assert ended.messages + ended.lost == len(waits)
+    assert f"lacks {ended.lost} messages, for which the disk was too slow" in str(Recording(tmp_path / "run.mcap").note)
 
 
 # Two threads print: a line and its end in one write.
@@ -195,17 +197,53 @@ def test_a_full_disk_ends_the_recording_not_the_run(tmp_path: Path) -> None:
     assert int(messages) + int(lost) == 1600 and int(lost) > 0
     recording = Recording(path)
     assert sum(recording.counts.values()) == int(messages) + 1, "the surface mesh, and what was reported as safe"
-    assert recording.note is None, "an end mark still fits behind the last whole record"
+    last = max(report.header.time for report in recording.reports())
+    assert f"was cut off: File too large; read up to {last + 0.01:.6g} s;" in str(recording.note)
+    with path.open("rb") as stream:
+        assert make_reader(stream).get_summary() is None, "other readers find its end, and scan it"
+
+
+def fill(path: Path, run: Squeeze) -> int:
+    """Record with a flush a message; how many are in the file."""
+    file = LogFile(path, run.begin)
+    whole = 0
+    try:
+        for i, message in enumerate(run.messages()):
+            file.add(type(message), message.header.time, codec.encode(message), i)
+            file.flush()
+            whole = i + 1
+    except OSError as error:
+        file.close(f"was cut off: {error.strerror}")
+    else:
+        file.close()
+    return whole
+
+
+@pytest.mark.parametrize("short", [1, 3_000, 60_000, 100_000])
+def test_however_full_the_disk_the_file_says_where_it_ends(tmp_path: Path, short: int) -> None:
+    """Room for it is kept from the first flush on, whether the disk fills within messages or within the index."""
+    path, run = tmp_path / "run.mcap", Squeeze(30)
+    fill(tmp_path / "whole.mcap", run)
+    room = (tmp_path / "whole.mcap").stat().st_size - short
+    every = len(list(run.messages()))
+    whole = every
+    with files_up_to(room), contextlib.suppress(OSError):
+        whole = fill(path, run)
+    recording = Recording(path)
+    assert path.stat().st_size <= room
+    assert sum(recording.counts.values()) - 1 == whole
+    assert (whole < every) == (short > 10_000)
+    assert ("was cut off: File too large" if whole < every else "no message is missing") in str(recording.note)
 
 
 def test_a_failed_write_leaves_the_file_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = WholeFile(tmp_path / "run.mcap", "error")
+    file = WholeFile(tmp_path / "run.mcap", "error", b"<tail>")
     file.write(b"whole")
     file.flush()
     pwrite = os.pwrite
 
     def full(fd: int, data: bytes, offset: int) -> int:
-        if offset > 7:
+        if offset > 10:
             raise OSError(28, "No space left on device")
         return pwrite(fd, bytes(data)[:3], offset)
 
@@ -214,4 +252,4 @@ def test_a_failed_write_leaves_the_file_as_it_was(tmp_path: Path, monkeypatch: p
     with pytest.raises(OSError, match="No space left"):
         file.flush()
     file.close()
-    assert (tmp_path / "run.mcap").read_bytes() == b"whole"
+    assert (tmp_path / "run.mcap").read_bytes() == b"whole<tail>"

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box
 from gymnasium.utils import seeding
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
@@ -21,6 +21,9 @@ from softseam.errors import BadInput
 from softseam.gym.lift_scene import CRUSHED, HEIGHT, PADS, SPEED, STEPS, SUBSTEPS, settings_of
 from softseam.gym.randomise import Drawn, Randomise
 from softseam.gym.reward import GENTLE, Grip, Term
+from softseam.gym.scene_env import check_finite
+from softseam.gym.show import checked, modes_here
+from softseam.gym.shown_batch import Device, Numbers, ShownBatch
 from softseam.gym.sight import BOUND, SEEN, Sight
 from softseam.gym.task_env import ACT
 from softseam.scenes import bundle_of
@@ -28,12 +31,11 @@ from softseam.session import whole
 from softseam.variants import with_settings
 from softseam_protocol.scene.tools import BoxTool
 
-Numbers = NDArray[np.float32]
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
+class BatchEnv(ShownBatch):
     """`TofuLift` for many pieces, simulated by XPBD, eight side by side in each thread.
 
     See there for what is done, seen and rewarded. `info` has arrays: the time, grip_force, lift_height, slip,
@@ -48,6 +50,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
     threads            that share the pieces
     device             cpu, or cuda: a graphics card, by numba-cuda (pip install 'softseam[cuda]')
     settings           of the scene, as `softseam run --set` takes them
+    render_mode        "rgb_array": `render` gives a picture of each piece; "human": a window shows four of them
     """
 
     def __init__(
@@ -58,10 +61,12 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         randomise: Randomise | None = Randomise(),  # noqa: B008 - it is frozen
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int = 1,
-        device: Literal["cpu", "cuda"] = "cpu",
+        device: Device = "cpu",
         settings: Sequence[str] = (),
+        render_mode: str | None = None,
     ) -> None:
         """Raises BadInput."""
+        self.render_mode = checked(render_mode)
         count = whole(num_envs)
         if count is None or count < 1:
             raise BadInput(f"num_envs is {num_envs!r}: give a whole number of environments, 1 or more")
@@ -72,7 +77,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             raise BadInput(f"autoreset_mode is {autoreset_mode!r}: there are {', '.join(AutoresetMode.__members__)}")
         self.autoreset_mode = named[autoreset_mode]
         self.num_envs = count
-        self.metadata = {"autoreset_mode": self.autoreset_mode}
+        self.metadata = {**modes_here(), "autoreset_mode": self.autoreset_mode}
         self.single_action_space = Box(-1.0, 1.0, (2,), np.float32)
         self.single_observation_space = Box(-BOUND, BOUND, (len(SEEN),), np.float32)
         self.action_space = batch_space(self.single_action_space, count)
@@ -87,7 +92,8 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         self._tools = list(self.scene.tools)
         self._pads = [self._tools.index(pad) for pad in PADS]
         self._randomise.check_substep(self.scene, ACT / SUBSTEPS)
-        self._batch = self._open(int(threads), device)
+        self._opened = int(threads), device
+        self._batch = self._open(*self._opened)
         self._random = [seeding.np_random(None)[0] for _ in range(count)]
         rest = self._batch.structure.x_rest
         self._ground = float(rest[:, 2].min())
@@ -105,7 +111,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         self._over: Mask | None = None
         """episodes that ended with the last step; None before the first reset"""
 
-    def _open(self, threads: int, device: Literal["cpu", "cuda"]) -> Any:
+    def _open(self, threads: int, device: Device) -> Any:
         from softseam_services.body.errors import SettingError
         from softseam_services.pbd.batch.batch import Batch
 
@@ -146,6 +152,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             assert self._over is not None
             self._over[mask] = False
             self._look_anew(mask)
+        self._show()
         return self._seen.copy(), self._told()
 
     def step(self, actions: Any) -> tuple[Numbers, Floats, Mask, Mask, dict[str, Any]]:
@@ -177,10 +184,8 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         told = self._told() | {"is_success": success, "_is_success": ~new}
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
             told = self._begin_at_once(told)
+        self._show()
         return self._seen.copy(), np.asarray(reward, np.float64), terminated, truncated, told
-
-    def close_extras(self, **kwargs: Any) -> None:
-        self._batch.close()
 
     def snapshot(self, index: int) -> dict[str, Any]:
         """One environment as it is, to put back with `restore`, here or in another batch of the same settings."""
@@ -214,8 +219,9 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             numbers = np.asarray(actions, np.float64)
         except (TypeError, ValueError):
             raise BadInput(f"actions are {self.num_envs} x 2 numbers, not {actions!r}") from None
-        if numbers.shape != (self.num_envs, 2) or not np.isfinite(numbers).all():
-            raise BadInput(f"actions are {self.num_envs} x 2 finite numbers, not an array {numbers.shape}")
+        if numbers.shape != (self.num_envs, 2):
+            raise BadInput(f"actions are {self.num_envs} x 2 numbers, not an array {numbers.shape}")
+        check_finite(numbers, "actions")
         return np.clip(numbers, -1.0, 1.0).astype(np.float32).astype(np.float64)
 
     def _begin(self, mask: Mask) -> None:
@@ -293,7 +299,8 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             ),
             *(*touching, *self._last.T, self._count / STEPS),
         )
-        squeezed = np.maximum(1.0 - (self._apart - 2.0 * self._closed) / self._width, 0.0)
+        between = (found.touching[:, self._pads] > 0.0).all(axis=1)  # else they are near each other beside the piece
+        squeezed = np.where(between, np.maximum(1.0 - (self._apart - 2.0 * self._closed) / self._width, 0.0), 0.0)
         self._squeezed = squeezed
         self._peak = np.minimum(np.nan_to_num(found.stress.astype(np.float64)), self._young)
         grip = Grip(

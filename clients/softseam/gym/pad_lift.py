@@ -106,7 +106,7 @@ class PadLift(TaskEnv[Grip]):
 
     def stands(self, observation: Observation, before: Grip | None) -> Grip:
         quantities = observation.quantities
-        squeezed = quantities.get("compression", 0.0)
+        squeezed = self._squeezed(observation)
         return Grip(
             lift=quantities.get("lift_height", 0.0),
             air=max(self._piece.air - 2.0 * self._closed, 0.0),
@@ -118,7 +118,7 @@ class PadLift(TaskEnv[Grip]):
         )
 
     def ending(self, observation: Observation, standing: Grip) -> str:
-        if observation.quantities.get("compression", 0.0) >= CRUSHED:
+        if self._squeezed(observation) >= CRUSHED:
             return "crushed"
         return self.GOAL if observation.lift_height >= HEIGHT else ""
 
@@ -126,6 +126,10 @@ class PadLift(TaskEnv[Grip]):
         return {"stress": standing.stress}
 
     # ----
+
+    def _squeezed(self, observation: Observation) -> float:
+        """By how much of its width the piece is squeezed; 0 where it is not between the pads, however near they are."""
+        return observation.quantities.get("compression", 0.0) if (self._felt.touching > 0.0).all() else 0.0
 
     def _forces(self) -> tuple[Floats, float]:
         """With which the left and the right pad press (2,), and the body's weight on both [N]."""

@@ -92,6 +92,7 @@ class PushGentle(TaskEnv[Push]):
         settings: Sequence[str] = (),
         connect: str | None = None,
         record: str | Path | None = None,
+        render_mode: str | None = None,
     ) -> None:
         """Other arguments as for `SceneEnv`."""
         limit = Ramp.of(stress_limit)
@@ -106,6 +107,7 @@ class PushGentle(TaskEnv[Push]):
                 settings=(*_settings(step), *settings),
                 connect=connect,
                 record=record,
+                render_mode=render_mode,
             ),
             seen=SEEN,
             actions=2,
@@ -182,10 +184,23 @@ class PushGentle(TaskEnv[Push]):
         past = observation.surface[self._marker, 0] - self._target[0]
         return "passed" if past > BEYOND else ""
 
+    def marks(self) -> Floats:
+        """A pole at the target, on a cross."""
+        x, y = self._target
+        arm = 0.3 * AHEAD[0]
+        ends = [
+            [[x, y, 0.0], [x, y, _POLE]],
+            [[x - arm, y, 0.0], [x + arm, y, 0.0]],
+            [[x, y - arm, 0.0], [x, y + arm, 0.0]],
+        ]
+        return np.array(ends)
+
     def tell(self, standing: Push) -> Mapping[str, Any]:
         return {"stress": standing.stress, "distance": standing.distance, "force": standing.force}
 
 
+_POLE = 0.06
+"""height of what marks the target in pictures, above the table and the piece [m]"""
 _THICKNESS = 0.01
 """of the finger [m]"""
 

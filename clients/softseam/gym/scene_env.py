@@ -14,11 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from softseam.duration import expected_duration
 from softseam.errors import BadInput, NotReset, SimulationFailed
+from softseam.gym.picture import NO_MARKS, Image, Picture
+from softseam.gym.show import MODES, Window, checked, modes_here, warn_of_none
 from softseam.observation import Observation
 from softseam.opening import open as open_session
 from softseam.scenes import bundle_of
 from softseam.session import Session, whole
 from softseam.variants import Model, with_settings
+from softseam.view.raster import Camera
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import PlaneTool
@@ -45,6 +48,7 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
     `session.last` has all that a client observes.
     """
 
+    metadata = MODES
     speed: float = 0.05
     """of a tool at an action of 1 [m/s]"""
 
@@ -57,17 +61,23 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         connect: str | None = None,
         repeat: int = 1,
         record: str | Path | None = None,
+        render_mode: str | None = None,
     ) -> None:
         """Arguments as for `softseam.open`, and:
 
-        repeat  steps of the simulation in one step of the environment
-        record  folder for a recording of each episode, to replay (in this process only); those that are there stay
+        repeat       steps of the simulation in one step of the environment
+        record       folder for a recording of each episode, to replay (in this process only); those that are there stay
+        render_mode  "rgb_array": `render` gives a picture (360, 480, 3), without a display; "human": each step is shown
+                     in a window; None: neither
         """
+        self.render_mode, self.metadata = checked(render_mode), modes_here()
         steps = whole(repeat)
         if steps is None or steps < 1:
             raise BadInput(f"repeat is {repeat!r}: give a whole number of steps, 1 or more")
         if record is not None and connect is not None:
             raise BadInput("episodes are recorded in this process only: leave out `record` or `connect`")
+        if render_mode is not None and connect is not None:
+            raise BadInput("episodes are drawn in this process only: leave out `render_mode` or `connect`")
         self.scene = with_settings(bundle_of(scene)[0], settings)
         """as it is in every episode, but for what `vary` changes"""
         if not expected_duration(self.scene):
@@ -78,6 +88,11 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         self._given, self._settings, self._model, self._connect = scene, tuple(settings), model, connect
         self._repeat, self._record = steps, None if record is None else Path(record)
         self._session: Session | None = None
+        self._begun_with: tuple[int, tuple[str, ...]] = (0, ())  # seed and settings of the episode
+        self._shown: Observation | None = None  # of the moment that `render` draws
+        self._picture: Picture | None = None
+        self._camera: Camera | None = None
+        self._window: Window | None = None
         self.tools = moved(self.scene)
         """that actions move"""
         self._quantities = self.scene.asked
@@ -115,6 +130,10 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         seen += [observation.quantities.get(name, 0.0) for name in self._quantities]
         return np.array(seen, np.float32)
 
+    def marks(self) -> NDArray[np.float64]:
+        """Lines that a picture shows beside bodies and tools, such as a target (l, 2, 3) [m]."""
+        return NO_MARKS
+
     # ---- what Gymnasium calls
 
     def reset(
@@ -124,12 +143,18 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         super().reset(seed=seed)
         varied, seed = tuple(self.vary(self.np_random)), int(self.np_random.integers(2**31))
         if self._record is not None:
-            self.close()
+            self._end()
         if self._session is None:
             self._session = self._open()
-        observation = self._session.reset(seed, settings=varied)
+        self._begun_with = seed, varied
+        observation = self._shown = self._session.reset(seed, settings=varied)
         self._start = {name: observation.tools[name].position for name in self.tools}
-        return self.see(observation), self._told(observation)
+        seen = self.see(observation)
+        if self.render_mode is not None:
+            self._picture = Picture(self._session.scene, self._session.surface_meshes())
+            self._camera = self._picture.place(observation, self.marks())
+        self._show()
+        return seen, self._told(observation)
 
     def step(self, action: Any) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
         """Move the tools for `repeat` steps. Numbers beyond the action space are as its border."""
@@ -138,8 +163,10 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         try:
             after = self._advance(session, self.act(taken))
         except SimulationFailed as error:
-            self.close()
+            self._end()
             return self.see(before), 0.0, False, True, {**self._told(before), "failed": str(error)}
+        self._shown = after
+        self._show()
         info = self._told(after)
         failed = [event.message for event in after.events if event.kind is EventKind.SOLVER]
         if failed:
@@ -147,8 +174,33 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         truncated = after.done or bool(failed)
         return self.see(after), float(self.reward(before, after)), self.ended(after), truncated, info
 
+    def render(self) -> Image | None:
+        """The moment as a picture (360, 480, 3), where `render_mode` is "rgb_array"; "human" shows it in a window."""
+        if self.render_mode is None:
+            warn_of_none(self)
+            return None
+        if self._picture is None:
+            self._picture = Picture(self.session.scene, self.session.surface_meshes(), self._camera)
+        assert self._shown is not None
+        image = self._picture.of(self._shown, self.marks())
+        if self.render_mode == "rgb_array":
+            return image
+        self._window = self._window or Window(self.scene.name)
+        self._window.show(image)
+        return None
+
     def close(self) -> None:
         """End the session and free what it holds; `reset` opens another one."""
+        self._end()
+        window, self._window = self._window, None
+        if window is not None:
+            window.close()
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            self.render()
+
+    def _end(self) -> None:
         session, self._session = self._session, None
         if session is not None:
             session.close()
@@ -159,6 +211,27 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
         if self._session is None:
             raise NotReset("no episode has begun, or its simulation failed: call reset()")
         return self._session
+
+    # ---- what `copy.deepcopy` and `pickle` call
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the session, of which its snapshot is kept, and what is shown. Raises BadInput where it records."""
+        if self._record is not None:
+            raise BadInput(
+                f"{type(self).__name__} records its episodes, so it has no copies: make one without `record`"
+            )
+        state = vars(self) | {"_session": None, "_shown": None, "_picture": None, "_window": None}
+        return state | {"_snapshot": None if self._session is None else self._session.snapshot()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Open another session where there was one, which goes on from there with the same bits."""
+        snapshot = state.pop("_snapshot")
+        vars(self).update(state)
+        if snapshot is not None:
+            seed, settings = self._begun_with
+            self._session = self._open()
+            self._session.reset(seed, settings=settings)
+            self._shown = self._session.restore(snapshot)
 
     # ----
 
@@ -189,9 +262,16 @@ class SceneEnv(gymnasium.Env[Numbers, Any], ABC):
             numbers = np.asarray(action, np.float32)
         except (TypeError, ValueError):
             raise BadInput(f"an action is {space.shape[0]} numbers, not {action!r}") from None
-        if numbers.shape != space.shape or not np.isfinite(numbers).all():
-            raise BadInput(f"an action is {space.shape[0]} finite numbers, not {action!r}")
+        if numbers.shape != space.shape:
+            raise BadInput(f"an action is {space.shape[0]} numbers, not {action!r}")
+        check_finite(numbers, "action")
         return np.clip(numbers, space.low, space.high)
+
+
+def check_finite(numbers: NDArray[Any], name: str) -> None:
+    """Raises BadInput that names the first number that is none."""
+    for index in np.argwhere(~np.isfinite(numbers))[:1].tolist():
+        raise BadInput(f"{name}{index} is {numbers[tuple(index)]}, which is not finite")
 
 
 def moved(scene: Scene) -> tuple[str, ...]:

@@ -53,6 +53,7 @@ class SliceLift(PadLift):
         settings: Sequence[str] = (),
         connect: str | None = None,
         record: str | Path | None = None,
+        render_mode: str | None = None,
     ) -> None:
         """Other arguments as for `SceneEnv`."""
         scene = scene_path(shape) if Path(shape).suffix in _SCENES else _scene_of(Path(shape))
@@ -81,6 +82,7 @@ class SliceLift(PadLift):
                 settings=(*_of_any_lift(step), _pads(more * extent, axis, reach), *settings),
                 connect=connect,
                 record=record,
+                render_mode=render_mode,
             ),
             reward=reward,
             randomise=randomise,

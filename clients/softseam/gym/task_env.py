@@ -43,6 +43,7 @@ class Frame:
     settings: Sequence[str]
     connect: str | None
     record: str | Path | None
+    render_mode: str | None
 
 
 class TaskEnv(SceneEnv, Generic[Standing]):
@@ -85,6 +86,7 @@ class TaskEnv(SceneEnv, Generic[Standing]):
             connect=frame.connect,
             repeat=parts_of_an_action(frame.step),
             record=frame.record,
+            render_mode=frame.render_mode,
         )
         self._terms, self._environments = tuple(reward), frame.environments
         self._felt_tools, self._means = tuple(felt), frame.model == "pbd"

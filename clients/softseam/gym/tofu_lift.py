@@ -43,6 +43,7 @@ class TofuLift(PadLift):
         settings: Sequence[str] = (),
         connect: str | None = None,
         record: str | Path | None = None,
+        render_mode: str | None = None,
     ) -> None:
         """Other arguments as for `SceneEnv`."""
         if model not in ("fem", "xpbd") or (model == "xpbd" and parts_of_an_action(step) > 1):
@@ -57,6 +58,7 @@ class TofuLift(PadLift):
                 settings=(*settings_of(model, step), *settings),
                 connect=connect,
                 record=record,
+                render_mode=render_mode,
             ),
             reward=reward,
             randomise=randomise,

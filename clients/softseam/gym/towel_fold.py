@@ -81,6 +81,7 @@ class TowelFold(TaskEnv[Fold]):
         settings: Sequence[str] = (),
         connect: str | None = None,
         record: str | Path | None = None,
+        render_mode: str | None = None,
     ) -> None:
         """Other arguments as for `SceneEnv`."""
         number = whole(divisions)
@@ -97,6 +98,7 @@ class TowelFold(TaskEnv[Fold]):
                 settings=(*_settings(number, step), *settings),
                 connect=connect,
                 record=record,
+                render_mode=render_mode,
             ),
             seen=SEEN,
             actions=6,

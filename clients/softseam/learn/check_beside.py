@@ -49,6 +49,14 @@ class Beside:
         """Whether it can check any more."""
         return self._process.poll() is None
 
+    def silence(self) -> str:
+        """Why nothing more comes of checks."""
+        if not self.alive:
+            return f"its process ended by itself, with code {self._process.returncode}"
+        if self._under_way is None:
+            return "no episode of the first environment was over that it could replay from its beginning"
+        return "its process still compiled, or replayed the first (what it compiled is kept for the next training)"
+
     def follow(self, batch: BatchEnv) -> None:
         """Another one, which goes on where that stopped."""
         self._watched = Watched(batch)

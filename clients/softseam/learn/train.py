@@ -173,16 +173,18 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -
     finally:
         stop()
         vector.close()
-        lost = beside is not None and not beside.alive
+        silence, lost = "", False
         if beside is not None:
+            silence, lost = beside.silence(), not beside.alive
             beside.close()
     keeper.save()
     done = f"{folder}: {keeper.training.done:,} steps in {keeper.training.seconds:.0f} s"
     console.print(f"{done}; of the last {_KEPT} episodes {keeper.state}", soft_wrap=True, highlight=False)
     if keeper.training.checks:
         show_checks(console, keeper.training.checks)
-    if lost:
-        console.print("the process that checks by FEM ended before the training did: judge the policy with evaluate",
+    checked = len(keeper.training.checks) - len(training.checks)
+    if beside is not None and (lost or not checked):
+        console.print(f"episodes checked by FEM: {checked or 'none'}, as {silence}; evaluate judges the policy by FEM",
                       style="yellow", soft_wrap=True, highlight=False)  # fmt: skip
     console.print(f"judge it: softseam evaluate {folder}", soft_wrap=True, highlight=False)
 

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from softseam.recording import Recording, time_of
 from softseam.replay import paths
 from softseam.replay.curves import log_curves
-from softseam.replay.facts import log_event, log_scale, summary
+from softseam.replay.facts import log_event, log_hole, log_scale, summary
 from softseam.replay.layout import layout
 from softseam.replay.world import BodyLog, Scales, find_scales, log_tools
 from softseam.report import ReportBuilder
@@ -39,6 +39,10 @@ def convert(recording: Recording, stream: rr.RecordingStream) -> rrb.Blueprint:
         elif isinstance(message, Frame) and message.body in logs:
             _at(stream, time_of(message, step), header.step)
             logs[message.body].log(message)
+    for hole in recording.holes:
+        has_events = True
+        _at(stream, hole.start, round(hole.start / step))
+        log_hole(stream, hole)
     tabs = log_curves(stream, builder.columns, recording.scene)
     if not surfaces:
         return rrb.Blueprint(auto_views=True)

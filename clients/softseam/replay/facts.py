@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import rerun as rr
 
-from softseam.recording import Recording
+from softseam.recording import Hole, Recording
 from softseam.replay import paths
 from softseam.replay.world import Scales
 from softseam.report import ReportBuilder
@@ -90,6 +90,10 @@ def log_scale(stream: rr.RecordingStream, surface: DisplaySurface, top: float) -
 def log_event(stream: rr.RecordingStream, event: Event) -> None:
     level = rr.TextLogLevel.WARN if event.kind in _ALARMS else rr.TextLogLevel.INFO
     stream.log(paths.LOG, rr.TextLog(f"{event.kind}: {event.message}", level=level))
+
+
+def log_hole(stream: rr.RecordingStream, hole: Hole) -> None:
+    stream.log(paths.LOG, rr.TextLog(f"{EventKind.RECORDING}: the recording {hole}", level=rr.TextLogLevel.WARN))
 
 
 def _figure(value: float, unit: str) -> str:

@@ -49,9 +49,7 @@ def verify(recording: Recording, opener: Opener) -> Verification:
     with opener(recording.bundle, recording.seed) as simulation:
         for report, seen in _pairs(recording):
             if report.header.step != steps:
-                return _unable(
-                    steps, frames, f"step {report.header.step} follows step {steps - 1}: a reset, a restore or a loss"
-                )
+                return _unable(recording, steps, frames, report.header.step)
             turning = report.turning if len(report.turning) else np.zeros_like(report.command)
             grips = report.gripping if len(report.gripping) else np.zeros(len(report.command))
             rates = np.concatenate([report.command, turning, grips[:, None]], axis=1).tolist()
@@ -95,5 +93,11 @@ def _differing(recorded: object, again: object, names: Sequence[str]) -> str | N
     return None
 
 
-def _unable(steps: int, frames: int, reason: str) -> Verification:
-    return Verification(steps, frames, steps, f"cannot be simulated again beyond step {steps}: {reason}")
+def _unable(recording: Recording, steps: int, frames: int, found: int) -> Verification:
+    """The first steps are the same; found: the step that comes in place of the next one."""
+    reason = f"step {found} follows step {steps - 1}: a reset or a restore"
+    if found > steps:
+        reason = f"the commands of the {found - steps} steps before step {found} are missing"
+    note = f" ({recording.note})" if recording.note else ""
+    same = f"the {steps} steps before it and their {frames} frames are the same, bit for bit"
+    return Verification(steps, frames, steps, f"cannot be simulated again beyond step {steps}, {same}: {reason}{note}")

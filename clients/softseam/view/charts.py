@@ -55,6 +55,7 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     _energy(every[n_plots - 1], columns)
     for axes in every[:n_plots]:
         _phases(axes, columns)
+        _holes(axes, recording)
         axes.set_xlim(time[0] - 0.015 * np.ptp(time), time[-1] + 0.015 * np.ptp(time))
     for axes in every[max(0, n_plots - 3) : n_plots]:
         axes.set_xlabel(_TIME, fontsize=9.5, color=SOFT)
@@ -94,6 +95,8 @@ def draw_time(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
     middle.plot(time, 1e3 * _running_median(total), color=INK, linewidth=1.6)
     middle.set_ylim(0.0, 1e3 * max(float(np.quantile(total, 0.99)), 1e-9) * 1.35)
     _phases(middle, columns)
+    _holes(middle, recording)
+    _holes(right, recording)
     plain(right, "cells in each part", _TIME)
     for name, (label, tone) in colors.parts(columns.models).items():
         cells = np.nan_to_num(columns[f"{name}.cells"])
@@ -145,6 +148,13 @@ def _phases(axes: Axes, columns: Columns) -> None:
     borders = [time[0], *time[1:][np.diff(phase) != 0.0], time[-1]]
     for i in range(1, len(borders) - 1, 2):
         axes.axvspan(borders[i], borders[i + 1], color="#f5f5f3", zorder=0, linewidth=0)
+
+
+def _holes(axes: Axes, recording: Recording) -> None:
+    """Hatched, as curves go straight from one side to the other."""
+    for hole in recording.holes:
+        if hole.end is not None and hole.steps:
+            axes.axvspan(hole.start, hole.end, fill=False, hatch="////", edgecolor=RULE, zorder=0.5)
 
 
 def _running_median(values: Floats, reach: int = 7) -> Floats:

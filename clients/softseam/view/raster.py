@@ -1,17 +1,22 @@
 """A small renderer with a depth buffer: shaded triangles and lines into an array of pixels, without a display.
 
-Made for a handful of pictures of some thousand triangles; a triangle at a time.
+All pixels of some triangles at a time, in numpy: a picture of a thousand triangles takes a tenth of a second.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
+_AT_ONCE = 1 << 18
+"""pixels that are looked at in one go"""
 _LIGHT = np.array([0.34, -0.58, 0.74])
 """direction to the lamp: right, front, above"""
 _AMBIENT, _DIFFUSE = 0.56, 0.50
@@ -55,6 +60,18 @@ class Camera:
             size = float(((high - low) / np.array([width, height])).max())
             camera = Camera(target - forward * depth * size / fill, target, camera.fov)
         return camera
+
+
+class Hits(NamedTuple):
+    """Pixels of triangles (n,)."""
+
+    pixel: Ints
+    """row times the width, and column"""
+    triangle: Ints
+    weights: Floats
+    """barycentric (n, 3)"""
+    depth: Floats
+    """[m]"""
 
 
 class Canvas:
@@ -112,7 +129,7 @@ class Canvas:
     def mesh(
         self, vertices: Floats, normals: Floats, triangles: NDArray[np.int64], paint: Floats, alpha: float = 1.0
     ) -> None:
-        """Shaded triangles, from their front side if they are opaque; draw translucent ones last.
+        """Shaded triangles, from their front side if they are opaque; draw translucent ones last, far sides under near.
 
         paint (T, 3, 3 layers)  colours of each triangle's corners, in 0..1
         """
@@ -121,19 +138,18 @@ class Canvas:
         a, b, c = (at[triangles[:, i], :2] for i in range(3))
         turn = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
         # rows count downwards, so a triangle that is counter-clockwise from the front turns to the negative side
-        order = np.flatnonzero(turn < 0.0) if alpha == 1.0 else np.argsort(-at[triangles, 2].mean(axis=1))
-        for t in order:
-            corners = triangles[t]
-            found = self._cover(at[corners])
-            if found is None:
-                continue
-            rows, columns, bary, depth = found
-            color = (bary @ paint[t]) * (bary @ shade[corners])[:, None]
-            if alpha < 1.0:
-                self._color[rows, columns] += alpha * (color - self._color[rows, columns])
-            else:
-                self._color[rows, columns] = color
-                self._depth[rows, columns] = depth
+        sides = [turn < 0.0] if alpha == 1.0 else [turn > 0.0, turn < 0.0]
+        color, depth = self._color.reshape(-1, self._color.shape[2]), self._depth.reshape(-1)
+        for which in (np.flatnonzero(side) for side in sides):
+            for hit in self._hits(at[triangles[which]]):
+                seen = hit.depth < depth[hit.pixel]
+                if alpha == 1.0:
+                    np.minimum.at(depth, hit.pixel[seen], hit.depth[seen])
+                    seen &= hit.depth == depth[hit.pixel]
+                pixel, weights, found = hit.pixel[seen], hit.weights[seen], which[hit.triangle[seen]]
+                light = np.einsum("ni,ni->n", weights, shade[triangles[found]])
+                mine = np.einsum("ni,nic->nc", weights, paint[found]) * light[:, None]
+                color[pixel] += alpha * (mine - color[pixel])
 
     def lines(
         self,
@@ -167,39 +183,47 @@ class Canvas:
         """Darken what a flat mesh covers, softly; the mesh lies on a surface that is drawn already."""
         at = self._camera.project(vertices, self.width, self.height)
         mask = np.zeros((self.height, self.width))
-        for corners in triangles:
-            found = self._cover(at[corners], tested=False)
-            if found is not None:
-                mask[found[0], found[1]] = 1.0
+        for hit in self._hits(at[triangles]):
+            mask.reshape(-1)[hit.pixel] = 1.0
         for _ in range(3):
             mask = _box_blur(_box_blur(mask, blur * self._factor).T, blur * self._factor).T
         drawn = np.isfinite(self._depth)[..., None]
         self._color *= 1.0 - strength * mask[..., None] * drawn
 
-    def _cover(
-        self, corners: Floats, *, tested: bool = True
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats] | None:
-        """Rows, columns, barycentric weights and depths of the pixels where a projected triangle is seen."""
-        low = np.maximum(np.floor(corners[:, :2].min(axis=0)).astype(np.int64), 0)
-        high = np.minimum(np.ceil(corners[:, :2].max(axis=0)).astype(np.int64), (self.width - 1, self.height - 1))
-        (ax, ay, _), (bx, by, _), (cx, cy, _) = corners
+    def _hits(self, corners: Floats) -> Iterator[Hits]:
+        """The pixels of projected triangles (T, 3, 3), row by row, some triangles at a time."""
+        (ax, ay), (bx, by), (cx, cy) = (corners[:, i, :2].T for i in range(3))
         twice = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
-        if (low > high).any() or abs(twice) < 1e-12:
-            return None
-        x = np.arange(low[0], high[0] + 1)[None, :]
-        y = np.arange(low[1], high[1] + 1)[:, None]
-        b = ((x - ax) * (cy - ay) - (cx - ax) * (y - ay)) / twice
-        c = ((bx - ax) * (y - ay) - (x - ax) * (by - ay)) / twice
-        a = 1.0 - b - c
-        depth = 1.0 / (a / corners[0, 2] + b / corners[1, 2] + c / corners[2, 2])
-        hit = (a >= -1e-9) & (b >= -1e-9) & (c >= -1e-9)
-        if tested:
-            hit &= depth < self._depth[low[1] : high[1] + 1, low[0] : high[0] + 1]
-        rows, columns = np.nonzero(hit)
-        if not len(rows):
-            return None
-        bary = np.stack([a[hit], b[hit], c[hit]], axis=1)
-        return rows + low[1], columns + low[0], bary, depth[hit]
+        low = np.maximum(np.ceil(corners[:, :, 1].min(axis=1)), 0.0).astype(np.int64)
+        high = np.minimum(np.floor(corners[:, :, 1].max(axis=1)), self.height - 1).astype(np.int64)
+        n_rows = np.where(np.abs(twice) < 1e-12, 0, np.maximum(high - low + 1, 0))
+        t = np.repeat(np.arange(len(corners)), n_rows)
+        y = low[t] + _counted(n_rows)
+        # weights of b and c are at + slope x in a row, and that of a is the rest; x runs while none is negative
+        down, inverse = y - ay[t], 1.0 / twice[t]
+        slope = np.stack([(cy - ay)[t] * inverse, -(by - ay)[t] * inverse], axis=1)
+        at = np.stack([-(cx - ax)[t] * down, (bx - ax)[t] * down], axis=1) * inverse[:, None] - slope * ax[t, None]
+        slopes = np.concatenate([-slope.sum(axis=1, keepdims=True), slope], axis=1)
+        ats = np.concatenate([1.0 - at.sum(axis=1, keepdims=True), at], axis=1) + 1e-9
+        border = -ats / np.where(slopes == 0.0, 1.0, slopes)
+        first = np.where(slopes > 0.0, border, np.where((slopes == 0.0) & (ats < 0.0), np.inf, 0.0)).max(axis=1)
+        last = np.where(slopes < 0.0, border, self.width - 1.0).min(axis=1)
+        start = np.ceil(np.clip(first, 0.0, self.width)).astype(np.int64)
+        count = np.maximum(np.floor(np.clip(last, -1.0, self.width - 1.0)).astype(np.int64) - start + 1, 0)
+        rows = np.flatnonzero(count)
+        for some in np.split(rows, np.flatnonzero(np.diff(np.cumsum(count[rows]) // _AT_ONCE)) + 1):
+            row = np.repeat(some, count[some])
+            x = start[row] + _counted(count[some])
+            weights = np.empty((len(x), 3))
+            weights[:, 1:] = at[row] + slope[row] * x[:, None]
+            weights[:, 0] = 1.0 - weights[:, 1] - weights[:, 2]
+            depth = 1.0 / np.einsum("ni,ni->n", weights, (1.0 / corners[:, :, 2])[t[row]])
+            yield Hits(y[row] * self.width + x, t[row], weights, depth)
+
+
+def _counted(n: Ints) -> Ints:
+    """0 .. n_0 - 1, 0 .. n_1 - 1, ... in one row."""
+    return np.arange(int(n.sum())) - np.repeat(np.cumsum(n) - n, n)
 
 
 def _box_blur(values: Floats, reach: int) -> Floats:

@@ -139,7 +139,8 @@ def _moments(recording: Recording) -> Iterator[Moment]:
     for frame in recording.frames():
         if frames and _when(frame) != _when(next(iter(frames.values()))):
             frames = {}
-        frames[frame.body] = frame
+        if frame.body in recording.surfaces:
+            frames[frame.body] = frame
         if len(frames) == len(recording.surfaces):
             yield frames
             frames = {}

@@ -1,7 +1,7 @@
 """The only writer of MCAP files: one session, protobuf messages verbatim, readable up to the last flush at any time.
 
 `log_time` is simulation time after a fixed epoch, `publish_time` is wall time. The scene and the files that it names
-are attachments; seed, versions and machine are metadata.
+are attachments; seed, versions and machine are metadata, and so is, where the file ends before its run, why.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from mcap.data_stream import RecordBuilder
-from mcap.records import DataEnd, Footer
+from mcap.records import DataEnd, Footer, Metadata
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from softseam_protocol.messages.header import SCHEMA_VERSION
@@ -23,6 +23,8 @@ EPOCH = 946_684_800
 CHUNK = 1 << 20
 """uncompressed bytes a chunk"""
 TOPIC = "/softseam/"
+_REASON = 160
+"""bytes that a tail has for its reason"""
 
 
 class LogFile:
@@ -31,7 +33,7 @@ class LogFile:
     def __init__(self, path: Path, begin: Begin, *, existing: Existing = "error") -> None:
         if path.suffix != ".mcap":
             raise RecordError(f"{path}: a recording's name ends in .mcap")
-        self._file = WholeFile(path, existing)
+        self._file = WholeFile(path, existing, _tail("was cut off: its recorder did not finish"))
         self.path = self._file.path
         self._writer = Writer(self._file, chunk_size=CHUNK, compression=CompressionType.ZSTD, enable_crcs=True)  # type: ignore[arg-type]
         self._channels: dict[type, int] = {}
@@ -79,16 +81,22 @@ class LogFile:
         """
         self._writer.flush()  # type: ignore[no-untyped-call]
 
-    def close(self) -> None:
-        """Write the index and close; after a failed write only an end mark, so that readers scan instead."""
+    def close(self, why: str = "") -> None:
+        """Write the index and close; after a failed write only a tail, so that readers scan instead.
+
+        why  what the file lacks, where it ends before its run; completes "run.mcap ..."
+        """
         try:
             if not self._file.failed:
+                if why:
+                    self.flush()
+                    self._writer.add_metadata("end", {"why": why})
                 self._writer.finish()  # type: ignore[no-untyped-call]
-                self._file.flush()
+                self._file.finish()
         finally:
             try:
                 if self._file.failed:
-                    self._file.finish_with(_end_mark())
+                    self._file.finish(_tail(why or "has no index: the disk is full (no message is missing)"))
             finally:
                 self._file.close()
 
@@ -98,9 +106,11 @@ def log_time(sim_time: float) -> int:
     return EPOCH * 1_000_000_000 + round(sim_time * 1e9)
 
 
-def _end_mark() -> bytes:
-    """End of a file without a summary."""
+def _tail(why: str) -> bytes:
+    """End of a file without a summary, of the same length whatever the reason."""
+    short = why.encode()[:_REASON].decode(errors="ignore")
     builder = RecordBuilder()
+    Metadata("end", {"why": short + " " * (_REASON - len(short.encode()))}).write(builder)
     DataEnd(0).write(builder)
     Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
     return bytes(builder.end()) + MCAP0_MAGIC  # type: ignore[no-untyped-call]

@@ -57,7 +57,7 @@ class McapRecorder:
         self._accepted = self._safe = self._dropped = 0  # messages
         self._stalled = self._closing = False
         self._due = 0.0  # time.monotonic() of the next flush
-        self._end = ""
+        self._end = self._why = ""
         self.failure: str | None = None
         """why messages were lost, or None"""
         self.seconds = 0.0
@@ -104,10 +104,13 @@ class McapRecorder:
         note = self.failure or ("" if self._end in ("", "closed") else f"the recording {self._end}")
         return Recorded(self._header, str(self.path), self._safe, self.lost, self._file.size, state, note)
 
-    def close(self, timeout: float = 30.0) -> Recorded:
-        """Write what is queued, finish the file, and say what became of it."""
+    def close(self, timeout: float = 30.0, why: str = "") -> Recorded:
+        """Write what is queued, finish the file, and say what became of it.
+
+        why  what the recording lacks, where it ends before its run; completes "run.mcap ..."
+        """
         with self._changed:
-            self._closing = True
+            self._closing, self._why = True, why
             self._changed.notify_all()
         self._thread.join(timeout)
         if self._thread.is_alive():
@@ -146,13 +149,14 @@ class McapRecorder:
         try:
             while self._append_batch():
                 pass
-            self._file.close()
+            dropped = f"lacks {self._dropped} messages, for which the disk was too slow" if self._dropped else ""
+            self._file.close(self._why or dropped)
             self._safe = self._accepted
             self._end = "closed"
         except OSError as error:
             self._end = "failed"
             self._tell(f"{self.path}: {error.strerror or error}: the recording ends here, the run goes on")
-            self._close_broken()
+            self._close_broken(f"was cut off: {error.strerror or error}")
 
     def _append_batch(self) -> bool:
         """Wait for enough messages or the next flush; False when everything is written and the file can be closed."""
@@ -175,9 +179,8 @@ class McapRecorder:
             self._safe, self._due = accepted, time.monotonic() + FLUSH_PERIOD
         return not closing
 
-    def _close_broken(self) -> None:
+    def _close_broken(self, why: str) -> None:
         try:
-            self._file.close()
+            self._file.close(why)
         except OSError:
-            # not even the end mark fits; the file ends at its last whole record, which readers accept
-            return
+            return  # the file ends in the tail of its last flush, which says that its recorder did not finish

@@ -75,7 +75,7 @@ class RecorderHandler:
     def _end(self, session: str, reason: str, wait: float = _DRAIN) -> Recorded:
         if session not in self._tapings and session in self._finished:
             return self._finished[session]
-        recorded = self._taping(session).finish(wait)
+        recorded = self._taping(session).finish(wait, f"was cut off: {reason}")
         del self._tapings[session]
         self._finished[session] = recorded
         _log.info(

@@ -75,13 +75,16 @@ class Taping:
             self._stop.wait(0.02)
         return self.progress()
 
-    def finish(self, timeout: float) -> Recorded:
-        """Wait for the session's published End, which comes after all its messages; then finish the file."""
+    def finish(self, timeout: float, why: str) -> Recorded:
+        """Wait for the session's published End, which comes after all its messages; then finish the file.
+
+        why  the file ends where that End does not come; completes "run.mcap ..."
+        """
         self._ended.wait(timeout)
         self._inbox.close()
         self._stop.set()
         self._thread.join(_CLOSE)
-        self._recorder.close(_CLOSE)
+        self._recorder.close(_CLOSE, "" if self._ended.is_set() else why)
         self._tell()
         return self.progress()
 

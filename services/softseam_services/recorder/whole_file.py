@@ -1,4 +1,7 @@
-"""A file that always ends at a whole record: a write that the disk refuses is cut off again."""
+"""A file that always ends at a whole record, and then in a tail: a write that the disk refuses is cut off again.
+
+The tail lies behind what was flushed and is written anew by each flush, so that a full disk has room for another one.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +18,17 @@ class RecordError(Exception):
 
 
 class WholeFile:
-    """Collects writes in memory and hands them to the system at `flush`, all or nothing."""
+    """Collects writes in memory and hands them to the system at `flush`, all or nothing.
 
-    def __init__(self, path: Path, existing: Existing) -> None:
+    tail  what the file ends in between two flushes
+    """
+
+    def __init__(self, path: Path, existing: Existing, tail: bytes) -> None:
         self.path, self._fd = _create(path, existing)
+        self._tail = tail
         self._pending = bytearray()
         self.size = 0
-        """bytes that the system took [B]"""
+        """bytes that the system took, without the tail [B]"""
         self.failed = False
 
     def write(self, data: bytes) -> int:
@@ -35,24 +42,31 @@ class WholeFile:
         """Raises OSError where the disk is full or broken; the file then is as it was after the last good flush."""
         if self.failed:
             raise OSError("an earlier write failed")
-        data = memoryview(bytes(self._pending))
+        data = bytes(self._pending)
         self._pending.clear()
-        done = 0
         try:
-            while done < len(data):
-                done += os.pwrite(self._fd, data[done:], self.size + done)
+            self._put(data + self._tail)
         except OSError:
             self.failed = True
-            os.ftruncate(self._fd, self.size)
+            if self.size:
+                os.ftruncate(self._fd, self.size + len(self._tail))
+                self._put(self._tail)
             raise
-        self.size += done
+        self.size += len(data)
 
-    def finish_with(self, tail: bytes) -> None:
-        """After a failure: forget what is pending and end the file with `tail`, if it goes in whole."""
-        self._pending.clear()
-        self.failed = False
-        self.write(tail)
-        self.flush()
+    def finish(self, tail: bytes = b"") -> None:
+        """Flush, with nothing behind; after a failure end the file in `tail`, no longer than the one that it had."""
+        if not self.failed:
+            self.flush()
+            tail = b""
+        self._put(tail)
+        os.ftruncate(self._fd, self.size + len(tail))
+
+    def _put(self, data: bytes) -> None:
+        """Behind what is safe. Raises OSError."""
+        done = 0
+        while done < len(data):
+            done += os.pwrite(self._fd, memoryview(data)[done:], self.size + done)
 
     def close(self) -> None:
         if self._fd >= 0:

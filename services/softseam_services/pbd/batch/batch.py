@@ -97,6 +97,12 @@ class Batch:
         node = self._lanes.read(piece)[self._at.nodes : self._at.blocks].reshape(-1, rows.N_OF_NODE)
         return node[:, rows.X : rows.X + 3].copy()
 
+    def poses(self, piece: int) -> tuple[Singles, Singles]:
+        """Where the tools of a piece are (t, 3) [m], and how they are turned, by matrices from their own frames."""
+        tool = self._lanes.read(piece)[self._at.tools : self._at.nodes].reshape(-1, rows.N_OF_TOOL)
+        place, turn = tool[:, rows.POSITION : rows.POSITION + 3], tool[:, rows.TURN : rows.TURN + 9]
+        return place.copy(), turn.reshape(-1, 3, 3).copy()
+
     def snapshot(self, piece: int) -> bytes:
         """Everything that a piece's future depends on, and nothing else: the same bits whatever is beside it."""
         numbers, t = self._lanes.read(piece), len(self.structure.kind)
