@@ -54,16 +54,17 @@ class Embedded:
 
 
 def read_solid(
-    path: str, data: bytes, scale: float, up: str, part: str | int | None = None
+    path: str, data: bytes, scale: float | None, up: str | None, part: str | int | None = None
 ) -> tuple[Floats, Ints, tuple[str, ...]]:
     """Vertices (n, 3) [m] with the base's centre at the origin, outward triangles (T, 3), notes on what was repaired;
     raises MeshError.
 
-    up: the axis of the file that points up; axes are turned cyclically, so nothing is mirrored.
+    scale: metres per unit of the file, None: as it tells
+    up: the axis of the file that points up, None: as it tells; axes are turned cyclically, so nothing is mirrored
     part: of the file's parts the one of this name, or of its bodies the one of this number by size, from 1
     """
     raw = read_surface(path, data, part)
-    axis = "xyz".index(up)
+    scale, axis = raw.unit if scale is None else scale, "xyz".index(raw.up if up is None else up)
     vertices = scale * raw.vertices[:, [(axis + 1) % 3, (axis + 2) % 3, axis]]
     check_extent(path, vertices, scale)
     surface = repair(vertices, raw.triangles, raw.part)

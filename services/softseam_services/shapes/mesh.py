@@ -35,7 +35,7 @@ _SEEN = 1.5
 _FEW = 0.05
 """share of the surface that may lie over thinner walls, as beside sharp edges [1]"""
 _KEPT = 8
-_made: dict[tuple[str, bytes, float, str, str | int | None], ToolMesh] = {}
+_made: dict[tuple[str, bytes, float | None, str | None, str | int | None], ToolMesh] = {}
 
 
 class ToolMesh:
@@ -58,7 +58,7 @@ class ToolMesh:
         self.row = _distance_row(self.vertices, triangles)
 
 
-def tool_mesh(path: str, data: bytes, scale: float, up: str, part: str | int | None = None) -> ToolMesh:
+def tool_mesh(path: str, data: bytes, scale: float | None, up: str | None, part: str | int | None = None) -> ToolMesh:
     """The mesh of a file, or the one made before from the same content; raises MeshError."""
     key = (path, hashlib.sha256(data).digest(), scale, up, part)
     found = _made.pop(key, None)

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
 from softseam_services.body.errors import MeshError
+from softseam_services.body.formats.collada import read_collada
+from softseam_services.body.formats.gltf import read_gltf
 from softseam_services.body.formats.gmsh import read_gmsh
 from softseam_services.body.formats.medit import read_medit
 from softseam_services.body.formats.mesh_file import MeshFile, from_meshio
@@ -18,10 +20,12 @@ from softseam_services.body.formats.off import read_off
 from softseam_services.body.formats.ply import read_ply
 from softseam_services.body.formats.polygons import LargePolygon
 from softseam_services.body.formats.stl import read_stl
+from softseam_services.body.formats.tetgen import read_tet, read_tetgen
+from softseam_services.body.formats.usd import read_usd
 from softseam_services.body.formats.vtk_legacy import legacy_dataset, read_legacy
 from softseam_services.body.formats.vtk_xml import read_xml
 
-READ = "OBJ, STL, PLY, OFF, VTK (legacy, VTU, VTP), Gmsh and MEDIT"
+READ = "OBJ, STL, PLY, OFF, VTK (legacy, VTU, VTP), Gmsh, MEDIT, COLLADA, glTF, USD and TetGen"
 _Reader = Callable[[str, bytes], MeshFile]
 _BY_CONTENT: tuple[tuple[re.Pattern[bytes], _Reader], ...] = (
     (re.compile(rb"\s*<\?xml[^>]*>\s*(<!--.*?-->\s*)*<VTKFile\b|\s*<VTKFile\b", re.S), read_xml),
@@ -29,6 +33,9 @@ _BY_CONTENT: tuple[tuple[re.Pattern[bytes], _Reader], ...] = (
     (re.compile(rb"\s*\$(MeshFormat|NOD)\b"), read_gmsh),
     (re.compile(rb"\s*(ST)?C?N?OFF(?![A-Za-z])"), read_off),
     (re.compile(rb"\s*MeshVersionFormatted\b"), read_medit),
+    (re.compile(rb"glTF[\x01-\x0f]\x00\x00\x00"), read_gltf),
+    (re.compile(rb"#usda |PXR-USDC"), read_usd),
+    (re.compile(rb"(?:\xef\xbb\xbf)?\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<COLLADA\b", re.S), read_collada),
 )
 _BY_SUFFIX: dict[str, _Reader] = {
     ".obj": read_obj,
@@ -38,16 +45,20 @@ _BY_SUFFIX: dict[str, _Reader] = {
     ".msh": read_gmsh,
     ".vtp": read_xml,
     ".vtu": read_xml,
+    ".dae": read_collada,
+    **dict.fromkeys((".gltf", ".glb"), read_gltf),
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), read_usd),
+    **dict.fromkeys((".node", ".ele"), read_tetgen),
+    ".tet": read_tet,
 }
 _OTHERS = {
     **dict.fromkeys((".step", ".stp", ".iges", ".igs", ".brep", ".fcstd", ".sldprt", ".x_t", ".3dm"), "CAD"),
-    **dict.fromkeys((".3mf", ".amf", ".dae", ".fbx", ".glb", ".gltf", ".blend", ".3ds", ".x3d", ".wrl", ".usd", ".usda",
-                     ".usdc", ".usdz", ".ifc", ".dxf"), "scenes and drawings"),
+    **dict.fromkeys((".3mf", ".amf", ".fbx", ".blend", ".3ds", ".x3d", ".wrl", ".ifc", ".dxf"), "scenes and drawings"),
     **dict.fromkeys((".pcd", ".las", ".laz", ".e57", ".pts", ".xyz"), "clouds of points"),
 }  # fmt: skip
 _REMEDY = {
     "CAD": "export it from the CAD program as STL or OBJ, in millimetres with `scale: 0.001`",
-    "scenes and drawings": "export the solid as STL, OBJ or PLY, e.g. from Blender",
+    "scenes and drawings": "export the solid as glTF, STL, OBJ or PLY, e.g. from Blender",
     "clouds of points": "make a closed surface of it first, and save that as PLY or STL",
 }
 _MESHIO = (".inp", ".bdf", ".fem", ".nas", ".su2", ".vtk", ".xml", ".mdpa", ".f3grid", ".dat", ".tec", ".ugrid", ".avs",
