@@ -15,14 +15,14 @@ from softseam.doubts import doubts_of, of_body
 from softseam.duration import expected_duration, too_many_steps
 from softseam.embedded import translated
 from softseam.errors import SceneRefused, missing_extra
-from softseam.scenes import bundle_of, located
+from softseam.scenes import bundle_of, bundle_with, located
 from softseam.symmetric import symmetric
 from softseam.uneven_friction import in_words
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.material_borders import material_borders
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
-from softseam_protocol.scene.file import bundle_scene, scene_hash
+from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.parts import SpherePart
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
@@ -44,7 +44,7 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
     loaded, bundle = bundle_of(name)
     scene = with_settings(loaded, settings)
     if scene is not loaded:
-        bundle = bundle_scene(scene, bundle.files)
+        bundle = bundle_with(scene, bundle, name, settings)
     if endless := too_many_steps(scene):
         raise SceneRefused(located(endless, name, settings))
     try:

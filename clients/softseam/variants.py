@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -102,7 +102,7 @@ def changed(scene: Scene, settings: Sequence[str]) -> Scene:
         except marked_yaml.YamlError:
             raise BadInput(f"--set {setting}: the value is not YAML: {text!r}") from None
         if keys[-1] == "path":
-            _forget_unit(scene, document, keys[:-1])
+            _forget_unit(document, keys[:-1])
         _assign(document, keys, value, setting)
     return scene_from_document(document, "--set")
 
@@ -114,17 +114,15 @@ def refusal(error: SceneError) -> str:
     return f"{error.key}: {error.problem}{hint}{allowed}"
 
 
-def _forget_unit(scene: Scene, document: dict[str, Any], keys: Sequence[str]) -> None:
-    """Leave out scale and upward axis of the file at `keys` in place, where the scene does not give them: of another
-    file they may be others."""
-    spec: Any = scene
-    try:
-        for key in keys:
-            spec, document = spec[key] if isinstance(spec, Mapping) else getattr(spec, key), document[key]
-    except (KeyError, AttributeError):
-        return  # there is no such file yet
-    for key in {"scale", "up"} - spec.model_fields_set:
-        document.pop(key, None)
+def _forget_unit(document: dict[str, Any], keys: Sequence[str]) -> None:
+    """Leave out scale and upward axis of the file at `keys` in place, where they are what they are without being given:
+    those of another file may be others."""
+    node: Any = document
+    for key in keys:
+        node = node.get(key, {}) if isinstance(node, dict) else {}
+    for key, usual in (("scale", 1.0), ("up", "z")):
+        if node.get(key) == usual:
+            del node[key]
 
 
 def _touches(path: str, key: str) -> bool:

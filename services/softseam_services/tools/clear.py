@@ -15,6 +15,8 @@ from softseam_services.tools.tool_set import ToolSet
 
 TOUCHING = 1e-9
 """depth that counts as touching, relative to the body's size [1]"""
+_LARGER = 5.0
+"""times the body's extent: a mesh that is larger, and starts inside it, may be in another unit"""
 SHRINK = 1e-6
 """how much smaller than the tool its outline is for this check [1]"""
 
@@ -31,7 +33,10 @@ def check_clear(tools: ToolSet, body: Body) -> None:
     least_gaps(points, tools.kind, tools.shape, tools.position, tools.orientation, gap)
     problems = []
     for tool, name in enumerate(tools.names):
-        if gap[tool] < -_slack(tools, tool, size):
+        inside = gap[tool] < -_slack(tools, tool, size)
+        if inside and (unit := _odd_size(tools, tool, size)):
+            problems.append(f"tools.{name}.scale: {unit}")
+        elif inside:
             problems.append(f"tools.{name}: it starts {-1e3 * gap[tool]:.3g} mm inside the body")
         elif any_inside(points, body.surface.triangles, _probes(tools, tool, points)):
             problems.append(f"tools.{name}: it starts inside the body")
@@ -41,6 +46,19 @@ def check_clear(tools: ToolSet, body: Body) -> None:
         raise ToolError(f"{'; '.join(problems)}: {what}")
 
 
+def _odd_size(tools: ToolSet, tool: int, size: float) -> str:
+    """What is told of a mesh that starts inside a body of this extent [m] as it is in another unit; "" of others."""
+    geometry = tools.geometry[tool]
+    if geometry.surface is None:
+        return ""
+    guesses = [note for note in geometry.notes if LOOKS_LIKE in note]
+    extent = float(np.ptp(geometry.surface.vertices, axis=0).max())
+    if not guesses and extent <= _LARGER * size:
+        return ""
+    told = f"it is {extent:.3g} m long, {extent / size:.2g} times the body, and starts inside it; "
+    return told + (guesses[0] if guesses else "is that the unit of its file?")
+
+
 def check_clear_of_particles(tools: ToolSet, body: ParticleBody) -> None:
     """Raise ToolError, naming each tool, where a tool is closer to a particle than the body is thick."""
     size = float(np.ptp(body.x_rest, axis=0).max())
@@ -48,7 +66,9 @@ def check_clear_of_particles(tools: ToolSet, body: ParticleBody) -> None:
     least_gaps(body.x_rest, tools.kind, tools.shape, tools.position, tools.orientation, gap)
     deep = [(name, body.radius - gap[tool]) for tool, name in enumerate(tools.names)]
     problems = [
-        f"tools.{name}: it starts {1e3 * depth:.3g} mm inside the {body.kind}"
+        f"tools.{name}.scale: {unit}"
+        if (unit := _odd_size(tools, tool, size))
+        else f"tools.{name}: it starts {1e3 * depth:.3g} mm inside the {body.kind}"
         for tool, (name, depth) in enumerate(deep)
         if depth > _slack(tools, tool, size)
     ]
