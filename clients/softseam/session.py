@@ -18,6 +18,7 @@ from softseam.gradient import Gradient, check_inputs
 from softseam.losses import Loss
 from softseam.observation import Observation, observation_from
 from softseam.one_thread import one_thread
+from softseam.previewing import draw_preview
 from softseam.scenes import Source, bundle_of, bundle_with, inputs_of, located
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol.messages import session as messages
@@ -374,6 +375,14 @@ class Session:
         Raises BadInput where the simulation is not in this process.
         """
         return self._running().surface_meshes()
+
+    def picture(self, path: str | Path = "scene.png") -> Path:
+        """Draw the scene as it starts to a .png, from four sides, and return its path: bodies, tools, their ways if
+        nothing pushes back, and what of them touches first. It needs no screen, and simulates nothing.
+
+        Raises BadInput where the file cannot be written, and MissingExtra without the extras solve and view.
+        """
+        return draw_preview(self.bundle, Path(path))
 
     def replan(self) -> bool:
         """Plan anew where the body as it stands errs more than it did in the run that the plan was found by.
