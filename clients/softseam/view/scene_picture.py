@@ -197,14 +197,13 @@ def _names(
     axes: Axes, camera: Camera, bodies: Mapping[str, DisplaySurface], points: Mapping[str, Floats], tools: list[_Tool]
 ) -> None:
     """Names of tools at their middles, of several bodies at theirs, and an arrow where each way ends."""
-    style = {"fontsize": 8.5, "color": INK, "ha": "center", "va": "center"}
     boxed = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.65}
     named = [(tool.shape.name, tool.vertices.mean(axis=0)) for tool in tools if tool.shape.kind != "plane"]
     named += [(name, points[name].mean(axis=0)) for name in bodies if len(bodies) > 1]
     for name, at in named:
         x, y, _ = camera.project(at[None], _WIDTH, _HEIGHT)[0]
         if 0.0 <= x <= _WIDTH and 0.0 <= y <= _HEIGHT:
-            axes.text(x, y, name, bbox=boxed, **style)
+            axes.text(float(x), float(y), name, bbox=boxed, fontsize=8.5, color=INK, ha="center", va="center")
     for tool in tools:
         steps = camera.project(tool.way, _WIDTH, _HEIGHT)[:, :2]
         last = next((k for k in range(len(steps) - 1, -1, -1) if np.hypot(*(steps[-1] - steps[k])) > 6.0), None)
@@ -224,7 +223,8 @@ def _scale(axes: Axes, camera: Camera, seen: Floats, *, parallel: bool) -> None:
     for (name, tone), end in zip(_AXES.items(), ends[1:], strict=True):
         if np.hypot(*(end - ends[0])) > 8.0:
             axes.annotate("", end, ends[0], arrowprops={"arrowstyle": "-|>", "color": tone, "linewidth": 1.5})
-            axes.text(*(end + 0.14 * (end - ends[0])), name, fontsize=9, color=tone, ha="center", va="center")
+            x, y = end + 0.14 * (end - ends[0])
+            axes.text(float(x), float(y), name, fontsize=9, color=tone, ha="center", va="center")
     if parallel:
         pixels = max(float(np.hypot(*(end - ends[0]))) for end in ends[1:])
         left, y = _WIDTH - 0.04 * _WIDTH - pixels, 0.95 * _HEIGHT
@@ -245,5 +245,12 @@ def _legend(figure: Figure, tools: list[_Tool]) -> None:
         for tool in tools
         if np.ptp(tool.way, axis=0).max() > 0.0
     ]
-    place = {"loc": "lower left", "bbox_to_anchor": (0.012, 0.006), "ncols": 5}
-    figure.legend(handles=handles[:9], frameon=False, fontsize=9, labelcolor=INK, **place)
+    figure.legend(
+        handles=handles[:9],
+        loc="lower left",
+        bbox_to_anchor=(0.012, 0.006),
+        ncols=5,
+        frameon=False,
+        fontsize=9,
+        labelcolor=INK,
+    )
