@@ -101,14 +101,18 @@ def _checked(path: str, vertices: Floats, triangles: Ints, mends: bool) -> tuple
     try:
         return vertices, *check_surface(path, vertices, triangles)
     except Unmended as error:
-        mended = mend(path, vertices, triangles) if mends else None
-        if mended is None:
+        if not mends:
             raise
-        vertices, triangles, note = mended
         try:
+            mended = mend(path, vertices, triangles)
+            if mended is None:
+                raise error
+            vertices, triangles, expected, note = mended
             triangles, volume, notes = check_surface(path, vertices, triangles)
         except MeshError:
             raise error from None
+        if abs(volume - expected) > _CELLS_AGREE * expected:
+            raise
         return vertices, triangles, volume, (note, *notes)
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.formats.polygons import triangulate
+from softseam_services.body.one_body import DUST
 from softseam_services.body.repair import edges_of, repair
 from softseam_services.body.surface_check import crossings, enclosed_volume, orient
 
@@ -17,18 +18,18 @@ _IN_ONE_PLANE = 1e-9
 """of the extent: faces that are so near are in one plane, for files round coordinates"""
 _FEW = 100
 """pairs of edge and triangle that cross; with more it is no slip of a point"""
-_MOST_POINTS = 10
-"""that are left out"""
+_MOST_POINTS, _MOST_TRIANGLES = 10, 300_000
+"""points that are left out, and triangles of a surface for which that is tried: each trial looks for crossings anew"""
 _SAME_VOLUME = 1e-2
 """relative: what may be lost or won by leaving points out"""
 
-Mended = tuple[Floats, Ints, str]
-"""vertices (n, 3), triangles (T, 3), and what was done"""
+Mended = tuple[Floats, Ints, float, str]
+"""vertices (n, 3), triangles (T, 3), the volume inside [m^3], and what was done"""
 
 
 def mend(path: str, vertices: Floats, triangles: Ints) -> Mended | None:
-    """A surface of closed shells as that of one solid, None where this does not do; raises MeshError where a shell is
-    one-sided. It is yet to be checked."""
+    """A surface of closed shells as that of one solid, None where this does not do; raises MeshError where what
+    comes of it is no surface. It is yet to be checked."""
     return _unite(path, vertices, triangles) or _without_slips(vertices, triangles)
 
 
@@ -65,9 +66,14 @@ def _unite(path: str, vertices: Floats, triangles: Ints) -> Mended | None:
         np.array(found.tri_verts, dtype=np.int32),
         np.zeros(len(found.tri_verts), dtype=np.int64),
     )
-    separate = sum(solid.volume() for solid in solids)
-    told = f"{1e6 * union.volume():.3g} cm^3 of the {1e6 * separate:.3g} cm^3 that they have separately"
-    return whole.vertices, whole.triangles, f"{len(solids)} closed bodies that overlap or touch were united: {told}"
+    separate, volume = sum(solid.volume() for solid in solids), union.volume()
+    triangles, _, shell = orient(path, whole.vertices, whole.triangles)
+    parts = [triangles[shell == number] for number in range(int(shell.max()) + 1)]
+    triangles = np.concatenate([each for each in parts if abs(enclosed_volume(whole.vertices, each)) > DUST * volume])
+    told = f"{1e6 * volume:.3g} cm^3 of the {1e6 * separate:.3g} cm^3 that they have separately"
+    note = f"{len(solids)} closed bodies that overlap or touch were united: {told}"
+    used, corners = np.unique(triangles, return_inverse=True)
+    return whole.vertices[used], corners.reshape(-1, 3).astype(np.int32), volume, note
 
 
 def _around(vertices: Floats, shells: list[Ints], number: int) -> list[int]:
@@ -88,19 +94,22 @@ def _around(vertices: Floats, shells: list[Ints], number: int) -> list[int]:
 
 def _without_slips(vertices: Floats, triangles: Ints) -> Mended | None:
     """Leave out points at which a surface crosses itself, one by one, each time what is left crosses itself less."""
-    volume = enclosed_volume(vertices, triangles)
+    if len(triangles) > _MOST_TRIANGLES:
+        return None
+    volume, removed = enclosed_volume(vertices, triangles), 0
     count, edge, triangle = crossings(vertices, triangles)
-    removed = 0
     while 0 < count <= _FEW and removed < _MOST_POINTS:
-        points = dict.fromkeys([*edge.tolist(), *triangles[triangle].tolist()])
-        tried = [fewer for point in points if (fewer := _left_out(vertices, triangles, point)) is not None]
-        left = [crossings(vertices, fewer) for fewer in tried]
-        best = min(range(len(tried)), key=lambda each: left[each][0], default=None)
-        if best is None or left[best][0] >= count:
+        points = np.unique([*edge, *triangles[triangle]])
+        near = _around_points(vertices, triangles, points)
+        fewer = _best(vertices, triangles[near], points)
+        if fewer is None:
             return None
-        triangles, (count, edge, triangle) = tried[best], left[best]
-        removed += 1
-    change = abs(enclosed_volume(vertices, triangles) / volume - 1.0)
+        triangles, removed = np.concatenate([triangles[~near], fewer]), removed + 1
+        if not (edges_of(triangles)[1] == 2).all():
+            return None
+        count, edge, triangle = crossings(vertices, triangles)
+    before, volume = volume, enclosed_volume(vertices, triangles)
+    change = abs(volume / before - 1.0)
     if count or not removed or change > _SAME_VOLUME:
         return None
     used, corners = np.unique(triangles, return_inverse=True)
@@ -108,17 +117,33 @@ def _without_slips(vertices: Floats, triangles: Ints) -> Mended | None:
         "points at which it pokes through itself were" if removed > 1 else "point at which it pokes through itself was"
     )
     note = f"{removed} {what} left out, which changes its volume by {100.0 * change:.1g} %"
-    return vertices[used], corners.reshape(-1, 3).astype(np.int32), note
+    return vertices[used], corners.reshape(-1, 3).astype(np.int32), volume, note
+
+
+def _around_points(vertices: Floats, triangles: Ints, points: Ints) -> NDArray[np.bool_]:
+    """Which triangles may cross one that has a point among these: boxes around them meet (T,)."""
+    corners = vertices[triangles]
+    theirs = corners[np.isin(triangles, points).any(axis=1)].reshape(-1, 3)
+    low, high = theirs.min(axis=0), theirs.max(axis=0)
+    return np.asarray(((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1))
+
+
+def _best(vertices: Floats, triangles: Ints, points: Ints) -> Ints | None:
+    """The triangles without that of the points without which they cross one another least; None where that is no less
+    than with it."""
+    tried = [fewer for point in points.tolist() if (fewer := _left_out(vertices, triangles, point)) is not None]
+    left = [crossings(vertices, fewer)[0] for fewer in tried]
+    best = min(range(len(tried)), key=left.__getitem__, default=None)
+    return None if best is None or left[best] >= crossings(vertices, triangles)[0] else tried[best]
 
 
 def _left_out(vertices: Floats, triangles: Ints, point: int) -> Ints | None:
-    """The triangles without a point, whose neighbours are joined in its place; None where that is no surface."""
+    """The triangles without a point, whose neighbours are joined in its place; None where it is in no single ring."""
     mine = (triangles == point).any(axis=1)
     ring = _ring(triangles[mine], point)
     if len(ring) < 3:
         return None
-    joined = np.concatenate([triangles[~mine], triangulate(vertices, ring)]).astype(np.int32)
-    return joined if (edges_of(joined)[1] == 2).all() else None
+    return np.concatenate([triangles[~mine], triangulate(vertices, ring)]).astype(np.int32)
 
 
 def _ring(triangles: NDArray[np.int32], point: int) -> list[int]:
