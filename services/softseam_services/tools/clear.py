@@ -33,30 +33,30 @@ def check_clear(tools: ToolSet, body: Body) -> None:
     least_gaps(points, tools.kind, tools.shape, tools.position, tools.orientation, gap)
     problems = []
     for tool, name in enumerate(tools.names):
-        inside = gap[tool] < -_slack(tools, tool, size)
-        if inside and (unit := _odd_size(tools, tool, size)):
-            problems.append(f"tools.{name}.scale: {unit}")
-        elif inside:
+        if gap[tool] < -_slack(tools, tool, size):
             problems.append(f"tools.{name}: it starts {-1e3 * gap[tool]:.3g} mm inside the body")
         elif any_inside(points, body.surface.triangles, _probes(tools, tool, points)):
             problems.append(f"tools.{name}: it starts inside the body")
     if problems:
+        _check_sizes(tools, gap, size)
         unit = "".join(f"; {note}" for note in body.notes if LOOKS_LIKE in note)
         what = f"move it clear of the body, whose bounding box is {_bounds(points)}{unit}"
         raise ToolError(f"{'; '.join(problems)}: {what}")
 
 
-def _odd_size(tools: ToolSet, tool: int, size: float) -> str:
-    """What is told of a mesh that starts inside a body of this extent [m] as it is in another unit; "" of others."""
-    geometry = tools.geometry[tool]
-    if geometry.surface is None:
-        return ""
-    guesses = [note for note in geometry.notes if LOOKS_LIKE in note]
-    extent = float(np.ptp(geometry.surface.vertices, axis=0).max())
-    if not guesses and extent <= _LARGER * size:
-        return ""
-    told = f"it is {extent:.3g} m long, {extent / size:.2g} times the body, and starts inside it; "
-    return told + (guesses[0] if guesses else "is that the unit of its file?")
+def _check_sizes(tools: ToolSet, gap: Floats, size: float) -> None:
+    """Raise ToolError, naming each mesh that starts inside a body of this extent [m] as it is in another unit."""
+    odd = []
+    for name, geometry, depth in zip(tools.names, tools.geometry, -gap, strict=True):
+        if geometry.surface is None or depth <= 0.0:
+            continue
+        guesses = [note for note in geometry.notes if LOOKS_LIKE in note]
+        extent = float(np.ptp(geometry.surface.vertices, axis=0).max())
+        if guesses or extent > _LARGER * size:
+            told = f"it is {extent:.3g} m long, {extent / size:.2g} times the body, and starts inside it"
+            odd.append(f"tools.{name}.scale: {told}; {guesses[0] if guesses else 'is that the unit of its file?'}")
+    if odd:
+        raise ToolError("; ".join(odd))
 
 
 def check_clear_of_particles(tools: ToolSet, body: ParticleBody) -> None:
@@ -66,13 +66,12 @@ def check_clear_of_particles(tools: ToolSet, body: ParticleBody) -> None:
     least_gaps(body.x_rest, tools.kind, tools.shape, tools.position, tools.orientation, gap)
     deep = [(name, body.radius - gap[tool]) for tool, name in enumerate(tools.names)]
     problems = [
-        f"tools.{name}.scale: {unit}"
-        if (unit := _odd_size(tools, tool, size))
-        else f"tools.{name}: it starts {1e3 * depth:.3g} mm inside the {body.kind}"
+        f"tools.{name}: it starts {1e3 * depth:.3g} mm inside the {body.kind}"
         for tool, (name, depth) in enumerate(deep)
         if depth > _slack(tools, tool, size)
     ]
     if problems:
+        _check_sizes(tools, gap, size)
         raise ToolError(
             f"{'; '.join(problems)}: move it clear of the particles, which keep {1e3 * body.radius:.3g} mm from tools "
             f"and whose bounding box is {_bounds(body.x_rest)}"
