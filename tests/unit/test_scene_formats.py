@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -105,7 +106,8 @@ REFUSED = {
         {"componentType": 5126, "count": 10**12, "type": "VEC3"}]), ["no whole glTF file", "accessor 0"]),
     "nodes in a ring": ("a.glb", gltf([{"children": [0, 0]}], True), ["more than 10,000 nodes"]),
     "half a glb": ("a.glb", gltf([{"mesh": 0}], True)[:-100], ["no whole glTF file", "ends at byte"]),
-    "another layer": ("a.usda", usd('def "pad" (references = @/etc/hostname@) {}'), ["/etc/hostname", "another file"]),
+    "another layer": ("a.usda", usd('def "pad" (references = @/etc/hostname@) {}'),
+                      ["a.usda: refers to '/etc/hostname', which is another file"]),
     "a sublayer": ("a.usda", b"#usda 1.0\n(subLayers = [@./other.usda@])\n", ["./other.usda", "another file"]),
     "no stage": ("a.usda", b"#usda 1.0\ndef Mesh {\n", ["no whole USD file"]),
 }  # fmt: skip
@@ -118,6 +120,46 @@ def test_what_is_refused(name: str, data: bytes, words: list[str], capfd: pytest
     for word in (f"{name}: ", *words):
         assert word in str(caught.value), str(caught.value)
     assert "".join(capfd.readouterr()) == ""
+
+
+def packed(folder: Path, layers: dict[str, str]) -> bytes:
+    """A .usdz of layers, the first its own, stored as they are at multiples of 64 bytes, as usd-core writes it."""
+    from pxr import UsdUtils
+
+    for name, text in layers.items():
+        (folder / name).write_text(text)
+    assert UsdUtils.CreateNewUsdzPackage(str(folder / next(iter(layers))), str(folder / "a.usdz"))
+    return (folder / "a.usdz").read_bytes()
+
+
+def test_crates_and_packages_of_usd(tmp_path: Path) -> None:
+    from pxr import Sdf
+
+    (tmp_path / "a.usda").write_bytes(usd(usd_box("pad"), 0.01))
+    assert Sdf.Layer.FindOrOpen(str(tmp_path / "a.usda")).Export(str(tmp_path / "a.usdc"))
+    inner = '#usda 1.0\n(metersPerUnit = 0.01\n upAxis = "Z")\ndef "arm" (references = @pad.usda@</pad>) {}\n'
+    package = packed(tmp_path, {"arm.usda": inner, "pad.usda": usd(usd_box("pad"), 0.01).decode()})
+    for name, data in (("a.usdc", (tmp_path / "a.usdc").read_bytes()), ("b.usdz", package)):
+        np.testing.assert_allclose(np.ptp(read_solid(name, data, None, None)[0], axis=0), [0.04, 0.03, 0.02], rtol=1e-6)
+
+
+def test_a_package_of_usd_reaches_no_further(tmp_path: Path) -> None:
+    """A layer of it that refers to a file outside is refused, though the first does not."""
+    (tmp_path / "out.usda").write_bytes(usd(usd_box("pad"), 0.01))
+    layers = {name: f"#usda 1.0\n{text}\n" for name, text in (("arm.usda", 'def "arm" (references = @pad.usda@) {}'),
+                                                            ("pad.usda", 'def "pad" {}'))}  # fmt: skip
+    data = packed(tmp_path, layers)
+    there = layers["pad.usda"].encode()
+    assert data.count(there) == 1
+    reaching = tmp_path / "r.usdz"
+    with zipfile.ZipFile(reaching, "w") as package:
+        for name in zipfile.ZipFile(tmp_path / "a.usdz").namelist():
+            text = zipfile.ZipFile(tmp_path / "a.usdz").read(name)
+            package.writestr(
+                name, f'#usda 1.0\ndef "pad" (references = @{tmp_path}/out.usda@) {{}}\n' if text == there else text
+            )
+    with pytest.raises(MeshError, match=r"refers to '.*out\.usda', which is another file"):
+        read_solid("r.usdz", reaching.read_bytes(), None, None)
 
 
 def test_usd_without_its_extra_is_named_with_the_line_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,6 +35,8 @@ def read_tetgen(path: str, data: bytes) -> MeshFile:
         names = tuple(f"region {each}" if n_regions else "" for each in called.tolist())
         points = nodes[:, 1:4]
         return MeshFile(points, (Block("tetra", _in_order(points, cells), part.ravel()),), names)
+    except MeshError:
+        raise
     except (ValueError, IndexError) as error:
         raise MeshError(f"{path}: is no whole TetGen file ({error}): save it anew, or as VTK or Gmsh") from None
 

@@ -5,9 +5,11 @@ What the stage composes must be in the one file; materials, subdivision, skins a
 
 from __future__ import annotations
 
+import posixpath
 import tempfile
+import zipfile
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -31,18 +33,35 @@ def read_usd(path: str, data: bytes) -> MeshFile:
         file = Path(folder) / f"mesh{suffix}"
         file.write_bytes(data)
         try:
-            layer = Sdf.Layer.OpenAsAnonymous(str(file)) if suffix == ".usd" else Sdf.Layer.FindOrOpen(str(file))
-            others = sorted(each for each in layer.GetCompositionAssetDependencies() if each)
-            if others:
+            if others := _others(file):
                 raise MeshError(
                     f"{path}: refers to {others[0]!r}, which is another file: flatten it (usdcat --flatten)"
                 )
-            stage = Usd.Stage.Open(layer)
+            stage = Usd.Stage.Open(Sdf.Layer.FindOrOpen(str(file)))
             found = list(_placed(stage))
             return placed_file(found, UsdGeom.GetStageMetersPerUnit(stage), UsdGeom.GetStageUpAxis(stage).lower())
-        except (Tf.ErrorException, ValueError, AttributeError) as error:
+        except MeshError:
+            raise
+        except (Tf.ErrorException, zipfile.BadZipFile, ValueError, AttributeError) as error:
             reason = str(error).replace(str(file), path).strip().splitlines()[-1:]
             raise MeshError(f"{path}: is no whole USD file ({''.join(reason)}): export it again, or as STL") from None
+
+
+def _others(file: Path) -> list[str]:
+    """What its layers refer to that is not in the file: of a package, in none of its entries. None of it is opened."""
+    from pxr import Sdf
+
+    entries, layers = {""}, {"": str(file)}
+    if file.suffix == ".usdz":
+        entries = set(zipfile.ZipFile(file).namelist())
+        layers = {entry: f"{file}[{entry}]" for entry in entries if PurePosixPath(entry).suffix.startswith(".usd")}
+    found = set()
+    for entry, name in layers.items():
+        told = Sdf.Layer.FindOrOpen(name).GetCompositionAssetDependencies()
+        found |= {
+            each for each in told if posixpath.normpath(posixpath.join(posixpath.dirname(entry), each)) not in entries
+        }
+    return sorted(found - {""})
 
 
 def _placed(stage: Any) -> Iterator[Placed]:
