@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats, Ints
-from softseam_services.body.formats.polygons import triangulate
+from softseam_services.body.formats.polygons import MOST_CORNERS, triangulate
 from softseam_services.body.one_body import DUST
 from softseam_services.body.repair import edges_of, repair
 from softseam_services.body.surface_check import crossings, enclosed_volume, orient
@@ -141,7 +141,7 @@ def _left_out(vertices: Floats, triangles: Ints, point: int) -> Ints | None:
     """The triangles without a point, whose neighbours are joined in its place; None where it is in no single ring."""
     mine = (triangles == point).any(axis=1)
     ring = _ring(triangles[mine], point)
-    if len(ring) < 3:
+    if not 3 <= len(ring) <= MOST_CORNERS:
         return None
     return np.concatenate([triangles[~mine], triangulate(vertices, ring)]).astype(np.int32)
 
