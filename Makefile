@@ -103,7 +103,7 @@ $(VENV)/.run: requirements.lock pyproject.toml | $(PY)
 	@touch $@
 
 $(VENV)/.dev: requirements-dev.lock pyproject.toml | $(PY)
-	@echo "installing what $< pins (some 300 MB the first time)"
+	@echo "installing what $< pins (some 330 MB the first time)"
 	@$(PIP) install --no-compile --require-hashes -r $<
 	@$(PIP) install --no-deps --no-build-isolation -e .
 	@touch $@ $(VENV)/.run

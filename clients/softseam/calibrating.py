@@ -16,12 +16,12 @@ from softseam.embedded import solver_digest, translated
 from softseam.errors import BadInput, missing_extra
 from softseam.outputs import check_ending, check_outputs
 from softseam.report import write_report
-from softseam.scenes import bundle_of, inputs_of
+from softseam.scenes import bundle_of, bundle_with, inputs_of
 from softseam.study.store import Identity, Store, cache_folder
 from softseam.variants import with_settings
 from softseam_protocol.facts import machine
 from softseam_protocol.messages.participant import Bundle
-from softseam_protocol.scene.file import bundle_scene, scene_hash
+from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def calibrate(wishes: Wishes, console: Console) -> None:
         check_outputs([("--report", wishes.report)], inputs=inputs_of(wishes.scene))
     scene = with_settings(loaded, wishes.settings)
     if scene is not loaded:
-        bundle = bundle_scene(scene, bundle.files)
+        bundle = bundle_with(scene, bundle, wishes.scene, wishes.settings)
     try:
         from softseam_services.calibration.measure import Shown, Wanted, cheapest
     except ImportError as error:

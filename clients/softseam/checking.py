@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,14 +16,16 @@ from softseam.doubts import doubts_of, of_body
 from softseam.duration import expected_duration, too_many_steps
 from softseam.embedded import translated
 from softseam.errors import SceneRefused, missing_extra
-from softseam.scenes import bundle_of, located
+from softseam.outputs import check_ending, check_outputs
+from softseam.previewing import draw_preview
+from softseam.scenes import bundle_of, bundle_with, inputs_of, located
 from softseam.symmetric import symmetric
 from softseam.uneven_friction import in_words
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.material_borders import material_borders
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
-from softseam_protocol.scene.file import bundle_scene, scene_hash
+from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.parts import SpherePart
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
@@ -39,12 +42,16 @@ _QUICK = 125
 """cells up to which a check computes the condition number of their blocks: .5 s"""
 
 
-def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
-    """Build the bodies and the tools as a run would, and print what they are. Raises SceneRefused."""
+def check_scene(name: str, settings: Sequence[str], console: Console, picture: Path | None = None) -> None:
+    """Build the bodies and the tools as a run would, print what they are, and draw them to a .png where one is named.
+    Raises SceneRefused and BadInput."""
+    if picture is not None:
+        check_ending("--picture", picture, ".png", "a picture")
+        check_outputs([("--picture", picture)], inputs=inputs_of(name))
     loaded, bundle = bundle_of(name)
     scene = with_settings(loaded, settings)
     if scene is not loaded:
-        bundle = bundle_scene(scene, bundle.files)
+        bundle = bundle_with(scene, bundle, name, settings)
     if endless := too_many_steps(scene):
         raise SceneRefused(located(endless, name, settings))
     try:
@@ -71,6 +78,8 @@ def check_scene(name: str, settings: Sequence[str], console: Console) -> None:
         print_doubts(told, name, settings, console)
         for note in notes:
             console.print(Text(f"note: {note}", style="dim"))
+    if picture is not None:
+        console.print(Text(f"picture: {draw_preview(bundle, picture)}"), soft_wrap=True)
     console.print(Text("the scene can be simulated", style="green"))
 
 

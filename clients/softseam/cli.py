@@ -12,7 +12,17 @@ from rich.console import Console
 from rich.markup import escape
 
 from softseam import cli_fitting, cli_importing, cli_learning, cli_studies
-from softseam.cli_options import Deployment, Endpoint, Recordings, Routes, SceneArgument, Settings, Tolerance
+from softseam.cli_options import (
+    PICTURE,
+    CheckCommand,
+    Deployment,
+    Endpoint,
+    Recordings,
+    Routes,
+    SceneArgument,
+    Settings,
+    Tolerance,
+)
 from softseam.errors import BadInput, MissingExtra, NoConnection, SceneRefused, ServicesFailed, SoftseamError
 from softseam_protocol.extensions import ExtensionError, load_extensions
 from softseam_protocol.scene.scene import SeveralBodies
@@ -145,12 +155,28 @@ def replay(
     raise typer.Exit(code)
 
 
-@app.command(epilog="[bold]Example[/bold]\n\nsoftseam check my.yaml --set body.cell=0.01")
-def check(scene: SceneArgument, settings: Settings = None) -> None:
+@app.command(
+    cls=CheckCommand,
+    epilog="[bold]Examples[/bold]\n\n"
+    "softseam check my.yaml --set body.cell=0.01\n\n"
+    "softseam check my.yaml --picture\n\n"
+    "softseam check my.yaml --picture look.png",
+)
+def check(
+    scene: SceneArgument,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="[FILE]",
+            help=f"Draw bodies, tools, their ways and what touches to this .png; without a name: {PICTURE}.",
+        ),
+    ] = None,
+    settings: Settings = None,
+) -> None:
     """Validate a scene and its mesh, and say what simulating it will take. Simulates nothing."""
     from softseam.checking import check_scene
 
-    check_scene(scene, tuple(settings or ()), _out())
+    check_scene(scene, tuple(settings or ()), _out(), picture)
 
 
 app.command(epilog=cli_studies.CHART)(cli_studies.chart)

@@ -3,9 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
+
+PICTURE = "scene.png"
+"""where `softseam check --picture` draws to if it is given no name"""
+
+
+class CheckCommand(TyperCommand):
+    """A command whose --picture may stand without a value, after all else or before another option."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        for at in range(len(args), 0, -1):
+            if args[at - 1] == "--picture" and (at == len(args) or args[at].startswith("-")):
+                args.insert(at, PICTURE)
+        return super().parse_args(ctx, args)
+
 
 SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="A scene file, or the name of a bundled scene.")]
 Endpoint = Annotated[

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from softseam.errors import SceneRefused
+from softseam.variants import with_settings
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import (
     SceneError,
@@ -20,6 +21,7 @@ from softseam_protocol.scene.file import (
 from softseam_protocol.scene.file import load_scene as _load
 from softseam_protocol.scene.keys import fields_of
 from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.whole_file import Unreadable, whole_file
 
 _NAMED = re.compile(rf"(?:^|: )((?:{'|'.join(fields_of(Scene))})(?:\.[\w-]+)*): ")
 Source = str | Path | Scene | Bundle
@@ -83,6 +85,28 @@ def bundle_of(scene: Source) -> tuple[Scene, Bundle]:
     return loaded.scene, loaded.bundle
 
 
+def bundle_with(scene: Scene, bundle: Bundle, source: Source, settings: Sequence[str] = ()) -> Bundle:
+    """The bundle of a scene that settings made of a source, with the files that it names now. Raises SceneRefused.
+
+    Files that the source does not name are read from beside its file, else from the working folder.
+    """
+    files = {
+        named: bundle.files.get(named) or _file(_dotted(at), named, source, settings) for at, named in files_of(scene)
+    }
+    return bundle_scene(scene, files)
+
+
+def _file(key: str, named: str, source: Source, settings: Sequence[str]) -> bytes:
+    """Content of a file that a setting names at a key. Raises SceneRefused."""
+    beside = Path() if isinstance(source, Scene | Bundle) else scene_path(source).parent
+    places = list(dict.fromkeys([beside / named, Path(named)]))
+    try:
+        return whole_file(next((place for place in places if place.exists()), places[0]))
+    except Unreadable as error:
+        others = "".join(f", nor is there {place}" for place in places[1:])
+        raise SceneRefused(located(f"{key}: {error}{others}", source, settings)) from None
+
+
 def inputs_of(scene: Source) -> dict[str, Path]:
     """Files that a scene is read from, by what they are: itself, and those that it names. Raises SceneRefused."""
     if isinstance(scene, Bundle):
@@ -104,7 +128,8 @@ def located(text: str, scene: Source, settings: Sequence[str] = ()) -> str:
         return text
     else:
         # what is wrong in a mesh begins with its file
-        named = [_dotted(at) for at, path in files_of(load_scene(scene)) if text.startswith(f"{path}: ")]
+        files = files_of(with_settings(load_scene(scene), settings))
+        named = [_dotted(at) for at, path in files if text.startswith(f"{path}:")]
         if not named:
             return text
         key, text = named[0], f"{named[0]}: {text}"

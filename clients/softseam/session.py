@@ -18,13 +18,13 @@ from softseam.gradient import Gradient, check_inputs
 from softseam.losses import Loss
 from softseam.observation import Observation, observation_from
 from softseam.one_thread import one_thread
-from softseam.scenes import Source, bundle_of, inputs_of, located
+from softseam.previewing import draw_preview
+from softseam.scenes import Source, bundle_of, bundle_with, inputs_of, located
 from softseam.variants import Model, with_model, with_settings
 from softseam_protocol.messages import session as messages
 from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Recorded, SurfaceMesh
-from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.motion import LARGEST_TURN
 from softseam_protocol.scene.scene import Scene
 
@@ -112,7 +112,7 @@ def open_as_given(
         backend = _backend(bundle, connect, record, timeout)
     except SceneRefused as error:
         raise SceneRefused(located(str(error), scene, settings)) from error
-    return Session(varied, bundle, backend, model)
+    return Session(varied, bundle, backend, model, scene)
 
 
 def _read(scene: Source, model: Model | None, settings: Sequence[str]) -> tuple[Scene, Bundle]:
@@ -121,7 +121,7 @@ def _read(scene: Source, model: Model | None, settings: Sequence[str]) -> tuple[
     varied = _varied(parsed, model, settings)
     if endless := too_many_steps(varied):
         raise SceneRefused(located(endless, scene, settings))
-    return varied, bundle if varied is parsed else bundle_scene(varied, bundle.files)
+    return varied, bundle if varied is parsed else bundle_with(varied, bundle, scene, settings)
 
 
 def _varied(scene: Scene, model: Model | None, settings: Sequence[str]) -> Scene:
@@ -153,10 +153,12 @@ def _backend(bundle: Bundle, connect: str | None, record: str | Path | bool | No
 class Session:
     """One simulation of one scene. A context manager; not for use from several threads at once."""
 
-    def __init__(self, scene: Scene, bundle: Bundle, backend: Backend, model: Model | None = None) -> None:
-        """model: which the scene was opened with"""
+    def __init__(
+        self, scene: Scene, bundle: Bundle, backend: Backend, model: Model | None = None, source: Source | None = None
+    ) -> None:
+        """model: which the scene was opened with; source: what it was read from, if it was"""
         self._backend: Backend | None = backend
-        self._model = model
+        self._model, self._source = model, source or bundle
         self._turn = threading.RLock()
         self._last: Observation | None = None
         self._opened = scene, bundle  # what settings of `reset` are applied to
@@ -210,12 +212,13 @@ class Session:
         """
         backend = self._running()
         opened = self._opened if scene is None else _read(scene, self._model, ())
+        source = self._source if scene is None else scene
         varied, bundle = (self.scene, self.bundle) if scene is None and settings is None else opened
         if settings:
             varied = with_settings(varied, settings)
             if endless := too_many_steps(varied):
                 raise SceneRefused(located(endless, varied, settings))
-            bundle = bundle_scene(varied, bundle.files)
+            bundle = bundle_with(varied, bundle, source, settings)
         seed = varied.seed if seed is None else seed
         number = whole(seed)
         if number is None or not 0 <= number < 2**31:
@@ -228,7 +231,7 @@ class Session:
         except SceneRefused as error:
             self._there = there
             raise SceneRefused(located(str(error), varied if scene is None else scene, settings or ())) from error
-        self._opened, self.plan_anew = opened, None
+        self._opened, self._source, self.plan_anew = opened, source, None
         self._take_scene(varied, bundle)
         return self._observe(message)
 
@@ -372,6 +375,14 @@ class Session:
         Raises BadInput where the simulation is not in this process.
         """
         return self._running().surface_meshes()
+
+    def picture(self, path: str | Path = "scene.png") -> Path:
+        """Draw the scene as it starts to a .png, from four sides, and return its path: bodies, tools, their ways if
+        nothing pushes back, and what of them touches first. It needs no screen, and simulates nothing.
+
+        Raises BadInput where the file cannot be written, and MissingExtra without the extras solve and view.
+        """
+        return draw_preview(self.bundle, Path(path))
 
     def replan(self) -> bool:
         """Plan anew where the body as it stands errs more than it did in the run that the plan was found by.

@@ -101,6 +101,8 @@ def changed(scene: Scene, settings: Sequence[str]) -> Scene:
             value = marked_yaml.parse(text).data
         except marked_yaml.YamlError:
             raise BadInput(f"--set {setting}: the value is not YAML: {text!r}") from None
+        if keys[-1] == "path":
+            _forget_unit(document, keys[:-1])
         _assign(document, keys, value, setting)
     return scene_from_document(document, "--set")
 
@@ -110,6 +112,17 @@ def refusal(error: SceneError) -> str:
     hint = f"; did you mean {error.nearest!r}?" if error.nearest else ""
     allowed = f" (allowed: {error.allowed})" if error.allowed else ""
     return f"{error.key}: {error.problem}{hint}{allowed}"
+
+
+def _forget_unit(document: dict[str, Any], keys: Sequence[str]) -> None:
+    """Leave out scale and upward axis of the file at `keys` in place, where they are what they are without being given:
+    those of another file may be others."""
+    node: Any = document
+    for key in keys:
+        node = node.get(key, {}) if isinstance(node, dict) else {}
+    for key, usual in (("scale", 1.0), ("up", "z")):
+        if node.get(key) == usual:
+            del node[key]
 
 
 def _touches(path: str, key: str) -> bool:

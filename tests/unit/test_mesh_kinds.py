@@ -311,7 +311,7 @@ WRONG: dict[str, tuple[str, bytes, list[str]]] = {
     "Gmsh 9": ("a.msh", msh4(CUBE, "9.0"), ["version 9", "1, 2 and 4 are read"]),
     "half a MEDIT": ("a.mesh", written(".mesh", CUBE, [("tetra", KUHN)])[:300], ["no whole MEDIT file"]),
     "CAD": ("part.STEP", b"ISO-10303-21;", ["format of CAD", "STL or OBJ"]),
-    "a scene": ("part.glb", b"glTF", ["export the solid as STL, OBJ or PLY"]),
+    "a scene": ("part.fbx", b"Kaydara FBX", ["export the solid as glTF, STL, OBJ or PLY"]),
     "a pointer": ("a.stl", b"version https://git-lfs.github.com/spec/v1\noid", ["pointer of Git LFS", "git lfs pull"]),
     "polyhedra": ("a.vtk", written(".vtk", CUBE, [("tetra", KUHN[:1])], file_format="vtk42", binary=False)
                   .replace(b"\n10\n", b"\n42\n"), ["1 polyhedron", "prisms, pyramids or hexahedra"]),

@@ -112,9 +112,12 @@ def test_a_body_keeps_its_cavities() -> None:
 
 
 def test_bodies_that_cross_are_told_apart() -> None:
-    data = obj(*join(LARGE, box((0.02, 0.01, 0.03), (0.01, 0.011, -0.005))))
+    """Whether all are united, or, with another that may be a cavity, none."""
+    crossing = join(LARGE, box((0.02, 0.01, 0.03), (0.01, 0.011, -0.005)))
+    data = obj(*join(crossing, box((0.002, 0.002, 0.002), (0.001, 0.001, 0.001))))
     with pytest.raises(MeshError, match=r"crosses itself.*unite.*`part: 1` takes the largest closed body alone"):
         read_solid("a.obj", data, 1.0, "z")
+    data = obj(*crossing)
     vertices, triangles, _ = read_solid("a.obj", data, 1.0, "z", 1)
     assert enclosed_volume(vertices, triangles) == pytest.approx(2.4e-5, rel=1e-12)
 

@@ -134,7 +134,9 @@ def test_what_was_repaired_before_a_refusal_is_said() -> None:
     spike[2, 1] += 5e-4
     spike[3, 2] += 5e-4
     thin = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    refused(*join((vertices, triangles[1:]), (spike, thin)), "crosses itself", "(before that, a pinhole of 3 edges")
+    bead = sphere(0.001, 2)  # a cavity or a body, so that nothing is united
+    meshes = join((vertices, triangles[1:]), (spike, thin), bead)
+    refused(*meshes, "crosses itself", "(before that, a pinhole of 3 edges")
 
 
 def test_large_holes_are_not_closed() -> None:

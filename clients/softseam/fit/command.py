@@ -19,7 +19,7 @@ from softseam.fit.curve import Curve, check_times, read_curve, read_off
 from softseam.fit.least_squares import Answer, Floats, fit
 from softseam.fit.numbers import Number, numbers_of
 from softseam.outputs import check_ending, check_outputs, write_whole
-from softseam.scenes import bundle_of, inputs_of
+from softseam.scenes import bundle_of, bundle_with, inputs_of
 from softseam.variants import AS_GIVEN, with_model, with_settings
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import bundle_scene, scene_json
@@ -47,6 +47,7 @@ def fit_scene(wishes: Wishes, console: Console) -> Answer:
         check_ending("--out", wishes.out, ".yaml", "a scene")
         check_outputs([("--out", wishes.out)], inputs={**inputs_of(wishes.scene), "the curve": wishes.curve})
     scene = with_model(with_settings(given, (*wishes.settings, *AS_GIVEN)), "fem")
+    bundle = bundle_with(scene, bundle, wishes.scene, wishes.settings)
     numbers = numbers_of(scene, wishes.find)
     curve = read_curve(wishes.curve, list(scene.tools))
     if curve.force.size <= len(numbers):

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.errors import BadInput
+from softseam.errors import BadInput, SceneRefused
 from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
 from softseam_protocol.scene.friction_field import LARGEST_SPREAD, FrictionFieldSpec
 from softseam_protocol.scene.scene import Scene
@@ -175,6 +175,11 @@ class Randomise:
                 ratio = zip(body.cell, drawn.size, body.shape.size, strict=True)
                 found.append(f"body.cell={_list([cell * new / old for cell, new, old in ratio])}")
         if isinstance(body.shape, MeshShape) and drawn.scale != 1.0:
+            if body.shape.scale is None:
+                raise SceneRefused(
+                    f"body.shape.scale: sizes are drawn about it: give metres per unit of {body.shape.path}, e.g. "
+                    "scale: 0.001"
+                )
             found.append(f"body.shape.scale={body.shape.scale * drawn.scale:.9g}")
             if body.cell is not None:
                 cell = (body.cell,) * 3 if isinstance(body.cell, float) else body.cell

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.errors import SceneRefused, SoftseamError
-from softseam.scenes import bundle_of
+from softseam.scenes import bundle_of, bundle_with
 from softseam.study.configurations import Configuration, Fem
 from softseam.study.errors import rms
 from softseam.study.frame import Frame, is_viscous
@@ -27,7 +27,7 @@ from softseam.study.store import Identity, Store, cache_folder
 from softseam.variants import with_settings
 from softseam_protocol.facts import machine
 from softseam_protocol.scene.bodies import MOST_CELLS
-from softseam_protocol.scene.file import bundle_scene, scene_hash
+from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.models import ModelsSpec
 from softseam_protocol.scene.regions import SeamSpec
 from softseam_protocol.scene.scene import Scene
@@ -92,7 +92,7 @@ class Levels:
         )
         others = {"models": ModelsSpec(fem=coarsest.models.fem), "seam": SeamSpec(), "quantities": ()}
         nothing = {"tolerance": None, "budget": None, "symmetry": ()}  # one side comes to what the whole comes to
-        return scene_hash(bundle_scene(coarsest.model_copy(update=others | nothing), bundle.files))
+        return scene_hash(bundle_with(coarsest.model_copy(update=others | nothing), bundle, self._name, self._settings))
 
     def sequence(self) -> tuple[int, ...]:
         """Cells across of its levels, the coarsest first."""

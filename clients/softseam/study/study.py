@@ -7,7 +7,7 @@ from pathlib import Path
 
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput, require_extra
-from softseam.scenes import bundle_of
+from softseam.scenes import bundle_of, bundle_with
 from softseam.study.bundled import bundled
 from softseam.study.errors import KNOWN
 from softseam.study.frame import Frame, frame_of
@@ -20,7 +20,7 @@ from softseam.study.store import Identity
 from softseam.variants import AS_GIVEN, with_settings
 from softseam_protocol.facts import machine
 from softseam_protocol.scene.bodies import BodySpec
-from softseam_protocol.scene.file import bundle_scene, scene_hash
+from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.scene import Scene
 
 
@@ -60,7 +60,7 @@ def study_of(name: str | Path | Scene, settings: tuple[str, ...] = ()) -> Study:
     loaded, bundle = bundle_of(name)
     settings = (*settings, *AS_GIVEN)
     scene = with_settings(loaded, settings)
-    key = scene_hash(bundle_scene(scene, bundle.files))
+    key = scene_hash(bundle_with(scene, bundle, name, settings))
     return Study(name, settings, scene, frame_of(scene, name, settings), Identity(key, solver_digest(), machine()))
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 
-from softseam.scenes import bundle_of
+from softseam.scenes import bundle_of, bundle_with
 from softseam.study.configurations import Configuration
 from softseam.study.measure import RUNS, Outcome, Told
 from softseam.study.store import Store
 from softseam.study.study import Study
 from softseam.study.workers import Here, Measuring, OnCluster, Processes, Runners
+from softseam_protocol.messages.participant import Bundle
 
 SLACK = 3.0
 """a run may take this many times what it was foreseen to, where the budget has it [1]"""
@@ -60,7 +61,7 @@ def sweep(
         learn(pace, one, outcome)
 
     with ExitStack() as stack:
-        there = study.name if ray is None else bundle_of(study.name)[1]
+        there = study.name if ray is None else _whole(study)
         runners = _runners(Measuring(there, study.names(), runs, study.frame.length), jobs, ray, lost, stack)
         budget *= runners.size
         for one in wanted:
@@ -93,3 +94,9 @@ def learn(pace: dict[str, float], configuration: Configuration, outcome: Outcome
     if outcome.status == "done" and outcome.walls:
         found = outcome.seconds / configuration.seconds
         pace[configuration.method] = 0.5 * (pace.get(configuration.method, found) + found)
+
+
+def _whole(study: Study) -> Bundle:
+    """The scene as it is given, with its files and those that settings name: what another machine needs."""
+    bundle = bundle_of(study.name)[1]
+    return Bundle(bundle.scene, bundle.files | bundle_with(study.scene, bundle, study.name, study.settings).files)

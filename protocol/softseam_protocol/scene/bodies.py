@@ -18,7 +18,7 @@ from pydantic import (
 from softseam_protocol.scene.friction_field import FrictionFieldSpec
 from softseam_protocol.scene.kinds import IN_BLOCKS, IN_MESHES, ON_TETRAHEDRA, ElementKind
 from softseam_protocol.scene.materials import AnyMaterial, InclusionSpec, MaterialSpec
-from softseam_protocol.scene.mesh_files import MeshPart
+from softseam_protocol.scene.mesh_files import MeshPart, MeshScale, MeshUp, usual_scale, usual_up
 from softseam_protocol.scene.particles import RopeBody, SheetBody, TetMeshBody
 from softseam_protocol.scene.regions import OwnRegions
 from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, Spec, Vector, check_edge, wrong
@@ -90,8 +90,8 @@ class MeshShape(Spec):
     kind: Literal["mesh"] = "mesh"
     path: str = Field(min_length=1, description="mesh file, relative to the scene file")
     part: MeshPart = None
-    scale: Positive = Field(default=1.0, description="metres per unit of the file")
-    up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
+    scale: MeshScale = Field(default_factory=usual_scale)
+    up: MeshUp = Field(default_factory=usual_up)
     cells: Literal["boxes", "own", "tetrahedra"] = Field(
         default="boxes",
         description="boxes: cells of one size that the solid fills partly; own: the file's hexahedra; tetrahedra: the "

@@ -24,10 +24,10 @@ from softseam_protocol.scene.motion import PHASE_KEYS
 from softseam_protocol.scene.particles import TetMeshBody
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import MeshTool
+from softseam_protocol.scene.whole_file import Unreadable, whole_file
 from softseam_protocol.scene.written_number import remedy
 
 MAX_SCENE_BYTES = 2**20
-MAX_FILE_BYTES = 128 * 2**20
 
 
 class SceneError(Exception):
@@ -335,11 +335,8 @@ def _beside(path: Path) -> str:
 
 def _read_mesh(scene_path: Path, key: marked_yaml.Path, named: str, mark: Mark) -> bytes:
     """Content of the mesh file that a scene names at `key`, which stands at `mark`. Raises SceneError."""
-    where = (str(scene_path), mark.line, mark.column, _dotted(key))
-    mesh = scene_path.parent / named
     try:
-        if mesh.stat().st_size > MAX_FILE_BYTES:
-            raise SceneError(*where, f"{mesh} is larger than {MAX_FILE_BYTES} bytes")
-        return mesh.read_bytes()
-    except OSError as error:
-        raise SceneError(*where, f"{mesh} cannot be read: {error.strerror}", nearest=_beside(mesh)) from None
+        return whole_file(scene_path.parent / named)
+    except Unreadable as error:
+        where = (str(scene_path), mark.line, mark.column, _dotted(key))
+        raise SceneError(*where, str(error), nearest="" if error.path.exists() else _beside(error.path)) from None

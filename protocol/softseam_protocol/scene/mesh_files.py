@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import PurePosixPath
+from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
+
+from softseam_protocol.scene.spec import Positive
+
+TELLS_UNIT = (".dae", ".gltf", ".glb", ".usd", ".usda", ".usdc", ".usdz")
+"""suffixes of formats that tell their unit and the axis that points up"""
 
 _PART = (
     "what is taken of a file with several solids: the object, group, solid or physical group of this name, or the "
@@ -23,4 +29,35 @@ MeshPart = Annotated[
     ]
     | None,
     Field(default=None, exclude_if=lambda part: part is None, description=_PART),
+]
+
+
+def tells_unit(path: str | None) -> bool:
+    """Whether a file's format tells its unit, as its name says."""
+    return PurePosixPath((path or "").replace("\\", "/")).suffix.lower() in TELLS_UNIT
+
+
+def usual_scale(keys: dict[str, Any]) -> float | None:
+    """The scale of a file that the keys before it name, where the scene gives none; None of one that tells it."""
+    return None if tells_unit(keys.get("path")) else 1.0
+
+
+def usual_up(keys: dict[str, Any]) -> Literal["z"] | None:
+    """The upward axis of a file that the keys before it name, where the scene gives none; None of one that tells it."""
+    return None if tells_unit(keys.get("path")) else "z"
+
+
+MeshScale = Annotated[
+    Positive | None,
+    Field(
+        exclude_if=lambda scale: scale is None,
+        description="metres per unit of the file; default: what the file tells (COLLADA, glTF, USD), else 1",
+    ),
+]
+MeshUp = Annotated[
+    Literal["x", "y", "z"] | None,
+    Field(
+        exclude_if=lambda up: up is None,
+        description="axis of the file that points up; default: what the file tells (COLLADA, glTF, USD), else z",
+    ),
 ]

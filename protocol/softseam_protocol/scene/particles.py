@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, SerializationInfo, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from softseam_protocol.scene.friction_field import FrictionFieldSpec
-from softseam_protocol.scene.mesh_files import MeshPart
+from softseam_protocol.scene.mesh_files import MeshPart, MeshScale, MeshUp, usual_scale, usual_up
 from softseam_protocol.scene.regions import OwnRegions
 from softseam_protocol.scene.spec import BoxRegion, NonNegative, OfKind, Positive, Spec, Vector, check_edge, wrong
 from softseam_protocol.table import Table
@@ -176,8 +176,8 @@ class TetMeshBody(_Particles):
         default=None, description="cubes of a block along x, y and z"
     )
     part: MeshPart = None
-    scale: Positive = Field(default=1.0, description="metres per unit of the file")
-    up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
+    scale: MeshScale = Field(default_factory=usual_scale)
+    up: MeshUp = Field(default_factory=usual_up)
     density: Positive = Field(description="[kg/m^3]")
     young: Positive = Field(description="Young's modulus [Pa]")
     poisson: float = Field(gt=0.0, lt=0.5, description="Poisson's ratio [1]")

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from softseam_protocol.scene.mesh_files import MeshPart
+from softseam_protocol.scene.mesh_files import MeshPart, MeshScale, MeshUp, usual_scale, usual_up
 from softseam_protocol.scene.spec import Direction, NonNegative, OfKind, Positive, Spec, Vector
 from softseam_protocol.table import Table
 
@@ -98,8 +98,8 @@ class MeshTool(SolidTool):
     kind: Literal["mesh"] = "mesh"
     path: str = Field(min_length=1, description="mesh file, relative to the scene file")
     part: MeshPart = None
-    scale: Positive = Field(default=1.0, description="metres per unit of the file")
-    up: Literal["x", "y", "z"] = Field(default="z", description="axis of the file that points up")
+    scale: MeshScale = Field(default_factory=usual_scale)
+    up: MeshUp = Field(default_factory=usual_up)
     rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn at time 0: axis times angle [rad]")
 
 

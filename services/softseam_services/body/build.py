@@ -145,13 +145,17 @@ def _borders(scene: Scene, spec: BodySpec, shape: BlockShape, ball: Ball | None)
 
 def _own(scene: Scene, spec: BodySpec, shape: MeshShape, files: Mapping[str, bytes]) -> Body:
     raw = read_hexahedra(shape.path, files[shape.path], shape.part)
-    cells = own_cells(shape.path, raw, shape.scale, shape.up, np.array(spec.position), spec.material.density)
+    cells = own_cells(
+        shape.path, raw, shape.scale or 1.0, shape.up or "z", np.array(spec.position), spec.material.density
+    )
     return _of_hexahedra(scene, spec, cells)
 
 
 def _tetrahedra(scene: Scene, spec: BodySpec, shape: MeshShape, files: Mapping[str, bytes]) -> Body:
     raw = read_tetrahedra(shape.path, files[shape.path], shape.part, middles=True)
-    cells = tetrahedral_cells(shape.path, raw, shape.scale, shape.up, np.array(spec.position), spec.material.density)
+    cells = tetrahedral_cells(
+        shape.path, raw, shape.scale or 1.0, shape.up or "z", np.array(spec.position), spec.material.density
+    )
     if len(cells.cell_nodes) > MOST_CELLS:
         raise MeshError(f"{shape.path}: {len(cells.cell_nodes):,} tetrahedra, more than {MOST_CELLS:,}; mesh coarsely")
     middles = cells.x_rest[cells.cell_nodes[:, CORNERS]].mean(axis=1)

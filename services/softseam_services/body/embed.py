@@ -15,8 +15,9 @@ from softseam_services.body.mass import lump
 from softseam_services.body.mesh_io import read_surface
 from softseam_services.body.one_body import choices, closed_bodies, take_body, without_dust
 from softseam_services.body.repair import repair
-from softseam_services.body.surface_check import check_surface
+from softseam_services.body.surface_check import Unmended, check_surface
 from softseam_services.body.surface_points import contact_points, refine
+from softseam_services.body.unite import mend
 from softseam_services.body.units import check_extent, unit_guess
 
 _ON_PLANE = 1e-9
@@ -54,16 +55,17 @@ class Embedded:
 
 
 def read_solid(
-    path: str, data: bytes, scale: float, up: str, part: str | int | None = None
+    path: str, data: bytes, scale: float | None, up: str | None, part: str | int | None = None
 ) -> tuple[Floats, Ints, tuple[str, ...]]:
     """Vertices (n, 3) [m] with the base's centre at the origin, outward triangles (T, 3), notes on what was repaired;
     raises MeshError.
 
-    up: the axis of the file that points up; axes are turned cyclically, so nothing is mirrored.
+    scale: metres per unit of the file, None: as it tells
+    up: the axis of the file that points up, None: as it tells; axes are turned cyclically, so nothing is mirrored
     part: of the file's parts the one of this name, or of its bodies the one of this number by size, from 1
     """
     raw = read_surface(path, data, part)
-    axis = "xyz".index(up)
+    scale, axis = raw.unit if scale is None else scale, "xyz".index(raw.up if up is None else up)
     vertices = scale * raw.vertices[:, [(axis + 1) % 3, (axis + 2) % 3, axis]]
     check_extent(path, vertices, scale)
     surface = repair(vertices, raw.triangles, raw.part)
@@ -78,7 +80,7 @@ def read_solid(
     used, numbers = np.unique(triangles, return_inverse=True)
     vertices, triangles = vertices[used], numbers.reshape(-1, 3).astype(np.int32)
     try:
-        triangles, volume, turned = check_surface(path, vertices, triangles)
+        vertices, triangles, volume, turned = _checked(path, vertices, triangles, mends=raw.volume is None)
     except MeshError as error:
         others = choices(bodies, whose, raw.names) if part is None else ""
         before = f" (before that, {'; '.join(surface.notes)})" if surface.notes else ""
@@ -91,6 +93,27 @@ def read_solid(
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     base = np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
     return vertices - base, triangles, (*notes, *turned, *unit_guess(vertices, scale))
+
+
+def _checked(path: str, vertices: Floats, triangles: Ints, mends: bool) -> tuple[Floats, Ints, float, tuple[str, ...]]:
+    """Vertices, and what `check_surface` returns; where it crosses itself or is several bodies, and may be mended, of
+    what comes of that."""
+    try:
+        return vertices, *check_surface(path, vertices, triangles)
+    except Unmended as error:
+        if not mends:
+            raise
+        try:
+            mended = mend(path, vertices, triangles)
+            if mended is None:
+                raise error
+            vertices, triangles, expected, note = mended
+            triangles, volume, notes = check_surface(path, vertices, triangles)
+        except MeshError:
+            raise error from None
+        if abs(volume - expected) > _CELLS_AGREE * expected:
+            raise
+        return vertices, triangles, volume, (note, *notes)
 
 
 def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats, axes: Floats | None = None) -> Embedded:

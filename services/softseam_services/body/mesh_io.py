@@ -39,6 +39,10 @@ class RawSurface:
     volume: float | None
     """sum of the cells' volumes where the file has solid ones, in the file's units cubed"""
     notes: tuple[str, ...]
+    unit: float
+    """metres in one of the file's units, as it tells; 1 where it does not"""
+    up: str
+    """the axis that it tells to point up; z where it does not"""
 
 
 @dataclass(frozen=True)
@@ -176,6 +180,8 @@ def read_surface(path: str, data: bytes, part: str | int | None = None) -> RawSu
         names=file.names,
         volume=volume,
         notes=tuple(notes),
+        unit=file.unit,
+        up=file.up,
     )
 
 
@@ -217,7 +223,7 @@ def _piece(path: str, file: MeshFile, number: int) -> MeshFile:
     order = np.argsort(-volumes, kind="stable")[: np.count_nonzero(volumes)]
     if number > len(order):
         raise MeshError(f"{path}: has no body {number}: there are {len(order)}, counted by size")
-    solid = MeshFile(points, tuple(solids), file.names)
+    solid = replace(file, points=points, blocks=tuple(solids))
     return _kept(solid, [piece[block.cells[:, 0]] == order[number - 1] for block in solids])
 
 

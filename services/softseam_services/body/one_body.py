@@ -16,7 +16,7 @@ from softseam_services.body.mesh_io import named_parts
 from softseam_services.body.repair import edges_of
 from softseam_services.body.surface_check import nesting, orient
 
-_DUST = 1e-6
+DUST = 1e-6
 """of the largest body's volume"""
 _MAIN = 0.25
 """of an open piece's extent: a closed body that is shorter is not the one that is meant"""
@@ -94,9 +94,7 @@ def _extent(x: Floats) -> float:
 def without_dust(bodies: Bodies, n_triangles: int) -> tuple[NDArray[np.int64], list[str]]:
     """Numbers of the triangles without bodies too small to matter beside the largest, and a note on these."""
     tiny = [
-        each
-        for each, volume in zip(bodies.triangles, bodies.volumes, strict=True)
-        if volume < _DUST * bodies.volumes[0]
+        each for each, volume in zip(bodies.triangles, bodies.volumes, strict=True) if volume < DUST * bodies.volumes[0]
     ]
     if not tiny:
         return np.arange(n_triangles), []

@@ -209,7 +209,7 @@ class _Work:
         area = 0.5 * float(
             np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
         )
-        found: list[tuple[int, int, int]] = []
+        found: list[Ints] = []
         part: list[int] = []
         closed: list[tuple[int, float]] = []
         for loop, first in _loops(ends):
@@ -217,11 +217,11 @@ class _Work:
             size = 0.5 * float(np.linalg.norm(np.cross(x, np.roll(x, -1, axis=0)).sum(axis=0)))
             span = float(np.ptp(x, axis=0).max())
             if size <= _HOLE_AREA * area and span <= _HOLE_SPAN * self._extent:
-                found += triangulate(self.vertices, loop)
+                found.append(triangulate(self.vertices, loop).astype(np.int32))
                 part += [int(self.part[sides[first] // 3])] * (len(loop) - 2)
                 closed.append((len(loop), span))
         if closed:
-            self.triangles = np.concatenate([self.triangles, np.array(found, dtype=np.int32)])
+            self.triangles = np.concatenate([self.triangles, *found])
             self.part = np.concatenate([self.part, np.array(part, dtype=np.int64)])
             widest = self._length(max(span for _, span in closed))
             sizes = ", ".join(str(n) for n, _ in closed[:5]) + (", ..." if len(closed) > 5 else "")

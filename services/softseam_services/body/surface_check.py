@@ -19,6 +19,10 @@ ROUNDING = 1e-12
 """of the extent: a coordinate that is less than that is told as 0"""
 
 
+class Unmended(MeshError):
+    """A surface that crosses itself, or bounds several bodies: a union may be one."""
+
+
 @dataclass(frozen=True)
 class Nesting:
     """Shells by number."""
@@ -132,7 +136,8 @@ def orient(path: str, vertices: Floats, triangles: Ints) -> tuple[Ints, int, Int
     return triangles.astype(np.int32), int(turn.sum()), shell.astype(np.int32)
 
 
-def _check_crossings(path: str, vertices: Floats, triangles: Ints) -> None:
+def crossings(vertices: Floats, triangles: Ints) -> tuple[int, Ints, int]:
+    """How many pairs of edge and triangle cross, and the ends (2,) and the triangle of the first."""
     edges = edges_of(triangles)[0]
     corners = vertices[triangles]
     low, high = corners.min(axis=1), corners.max(axis=1)
@@ -153,11 +158,16 @@ def _check_crossings(path: str, vertices: Floats, triangles: Ints) -> None:
     found = find_crossings(
         vertices, edges, triangles, low, high, origin, spacing, counts, bins, entries, tolerance, first
     )
+    return int(found), edges[first[0]], int(first[1])
+
+
+def _check_crossings(path: str, vertices: Floats, triangles: Ints) -> None:
+    found, edge, triangle = crossings(vertices, triangles)
     if found:
-        at = vertices[edges[first[0]]].mean(axis=0)
-        raise MeshError(
+        raise Unmended(
             f"{path}: the surface crosses itself, {found} pairs of edge and triangle do, the first near "
-            f"{_place(at, vertices)} (triangle {int(first[1])}); unite overlapping parts, or move them apart"
+            f"{_place(vertices[edge].mean(axis=0), vertices)} (triangle {triangle}); unite overlapping parts, or move "
+            "them apart"
         )
 
 
@@ -194,7 +204,7 @@ def _nest(path: str, vertices: Floats, triangles: Ints, shell: Ints) -> tuple[In
     outer = found.outer
     if len(outer) != 1:
         sizes = ", ".join(f"{abs(found.volumes[s]):.3g} m^3" for s in outer[:5]) + (", ..." if len(outer) > 5 else "")
-        raise MeshError(
+        raise Unmended(
             f"{path}: the mesh is disconnected, it has {len(outer)} separate bodies ({sizes}); keep one, or join them"
         )
     result = triangles.copy()

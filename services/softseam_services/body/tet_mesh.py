@@ -82,9 +82,9 @@ def _of_file(spec: TetMeshBody, path: str, files: Mapping[str, bytes]) -> _Raw:
     raw = read_tetrahedra(path, files[path], spec.part)
     if len(raw.points) > MOST_PARTICLES:
         raise MeshError(f"{path}: {len(raw.points):,} corners, more than {MOST_PARTICLES:,}; mesh it more coarsely")
-    axis = "xyz".index(spec.up)
-    points = spec.scale * raw.points[:, [(axis + 1) % 3, (axis + 2) % 3, axis]]
-    check_extent(path, points, spec.scale)
+    scale, axis = spec.scale or 1.0, "xyz".index(spec.up or "z")
+    points = scale * raw.points[:, [(axis + 1) % 3, (axis + 2) % 3, axis]]
+    check_extent(path, points, scale)
     x_rest = placed(spec, points - 0.5 * (points.min(axis=0) + points.max(axis=0)))
     mass = np.zeros(len(x_rest))
     np.add.at(mass, raw.cells, (0.25 * spec.density * _volumes(x_rest[raw.cells]))[:, None])

@@ -41,7 +41,7 @@ CHAMFER = 0.7
 """spacings: by such a radius a grid's own cells round edges already, a right angle's"""
 THINNED = 0.8
 """of a radius by which edges are rounded: so much is taken off walls that are thinner"""
-_made: dict[tuple[str, bytes, float, str, str | int | None], ToolMesh] = {}
+_made: dict[tuple[str, bytes, float | None, str | None, str | int | None], ToolMesh] = {}
 
 
 class ToolMesh:
@@ -74,7 +74,7 @@ class ToolMesh:
         return self._rounded[radius]
 
 
-def tool_mesh(path: str, data: bytes, scale: float, up: str, part: str | int | None = None) -> ToolMesh:
+def tool_mesh(path: str, data: bytes, scale: float | None, up: str | None, part: str | int | None = None) -> ToolMesh:
     """The mesh of a file, or the one made before from the same content; raises MeshError."""
     key = (path, hashlib.sha256(data).digest(), scale, up, part)
     found = _made.pop(key, None)

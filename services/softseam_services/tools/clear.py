@@ -15,6 +15,8 @@ from softseam_services.tools.tool_set import ToolSet
 
 TOUCHING = 1e-9
 """depth that counts as touching, relative to the body's size [1]"""
+_LARGER = 5.0
+"""times the body's extent: a mesh that is larger, and starts inside it, may be in another unit"""
 SHRINK = 1e-6
 """how much smaller than the tool its outline is for this check [1]"""
 
@@ -36,9 +38,25 @@ def check_clear(tools: ToolSet, body: Body) -> None:
         elif any_inside(points, body.surface.triangles, _probes(tools, tool, points)):
             problems.append(f"tools.{name}: it starts inside the body")
     if problems:
+        _check_sizes(tools, gap, size)
         unit = "".join(f"; {note}" for note in body.notes if LOOKS_LIKE in note)
         what = f"move it clear of the body, whose bounding box is {_bounds(points)}{unit}"
         raise ToolError(f"{'; '.join(problems)}: {what}")
+
+
+def _check_sizes(tools: ToolSet, gap: Floats, size: float) -> None:
+    """Raise ToolError, naming each mesh that starts inside a body of this extent [m] as it is in another unit."""
+    odd = []
+    for name, geometry, depth in zip(tools.names, tools.geometry, -gap, strict=True):
+        if geometry.surface is None or depth <= 0.0:
+            continue
+        guesses = [note for note in geometry.notes if LOOKS_LIKE in note]
+        extent = float(np.ptp(geometry.surface.vertices, axis=0).max())
+        if guesses or extent > _LARGER * size:
+            told = f"it is {extent:.3g} m long, {extent / size:.2g} times the body, and starts inside it"
+            odd.append(f"tools.{name}.scale: {told}; {guesses[0] if guesses else 'is that the unit of its file?'}")
+    if odd:
+        raise ToolError("; ".join(odd))
 
 
 def check_clear_of_particles(tools: ToolSet, body: ParticleBody) -> None:
@@ -53,6 +71,7 @@ def check_clear_of_particles(tools: ToolSet, body: ParticleBody) -> None:
         if depth > _slack(tools, tool, size)
     ]
     if problems:
+        _check_sizes(tools, gap, size)
         raise ToolError(
             f"{'; '.join(problems)}: move it clear of the particles, which keep {1e3 * body.radius:.3g} mm from tools "
             f"and whose bounding box is {_bounds(body.x_rest)}"

@@ -42,7 +42,11 @@ class MeshFile:
     """(n, 3) in the file's units"""
     blocks: tuple[Block, ...]
     names: tuple[str, ...] = ("",)
-    """of parts: objects and groups of OBJ, solids of STL, physical groups of Gmsh; "" of what has none"""
+    """of parts: objects and groups of OBJ, solids of STL, physical groups of Gmsh, nodes of scenes; "" where none is"""
+    unit: float = 1.0
+    """metres in one of the file's units, as it tells; 1 where it does not"""
+    up: str = "z"
+    """the axis that it tells to point up; z where it does not"""
 
 
 def block(kind: str, cells: Cells, part: Cells | None = None) -> Block:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,15 +11,19 @@ from softseam_services.body.body import Floats
 
 Cells = NDArray[np.int64]
 
-_TOUCHES = 1e-12
-"""of twice a polygon's area: what is nearer to an edge lies on it"""
+MOST_CORNERS = 20_000
+"""of a polygon with dents, whose triangles take time by the square of its corners: a second for so many"""
+
+
+class LargePolygon(Exception):
+    """A polygon that would take too long to split; the text says how large it is."""
 
 
 def triangles_of(points: Floats, corners: Cells, sizes: Cells) -> tuple[Cells, Cells]:
     """Triangles (T, 3), and the polygon that each is of (T,): first those of the file, then those of quads, then those
     of larger polygons; of fewer than three corners there are none.
 
-    points (n, 3), sizes (m,) how many of the corners (k,) each polygon has
+    points (n, 3), sizes (m,) how many of the corners (k,) each polygon has. Raises LargePolygon.
     """
     start = np.cumsum(sizes) - sizes
 
@@ -41,7 +47,7 @@ def triangles_of(points: Floats, corners: Cells, sizes: Cells) -> tuple[Cells, C
         found.append(fans[do].reshape(-1, 3))
         whose.append(np.repeat(numbers[do], size - 2))
         for polygon, number in zip(polygons[~do], numbers[~do], strict=True):
-            found.append(np.array(triangulate(points, polygon.tolist()), dtype=np.int64))
+            found.append(triangulate(points, polygon))
             whose.append(np.full(size - 2, number))
     return np.concatenate(found), np.concatenate(whose).astype(np.int64)
 
@@ -58,34 +64,29 @@ def strip_triangles(flat: Cells, ends: Cells) -> Cells:
     return np.concatenate(found)
 
 
-def triangulate(points: Floats, polygon: list[int]) -> list[tuple[int, int, int]]:
-    """Triangles of a simple polygon, about plane, that keep its orientation: ears are cut off until three corners are
-    left; corners are numbers of points (n, 3)."""
-    corners = list(polygon)
-    found: list[tuple[int, int, int]] = []
-    x = points[corners]
+def triangulate(points: Floats, polygon: Sequence[int]) -> Cells:
+    """Triangles (n - 2, 3) of a simple polygon, about plane, that keep its orientation; corners are numbers of points
+    (n, 3). Raises LargePolygon.
+
+    One that crosses itself, or has corners that are no places, is a fan.
+    """
+    if len(polygon) > MOST_CORNERS:
+        raise LargePolygon(
+            f"a face with dents has {len(polygon):,} corners, more than {MOST_CORNERS:,}: export triangles"
+        )
+    import manifold3d
+
+    corners = np.asarray(polygon, dtype=np.int64)
+    x = points[corners] - points[corners[0]]
     normal = np.cross(x, np.roll(x, -1, axis=0)).sum(axis=0)  # Newell's
-    while len(corners) > 3:
-        n = len(corners)
-        ear = next((k % n for k in range(1, n + 1) if _is_ear(points, corners, k % n, normal)), None)
-        if ear is None:  # it crosses itself
-            return found + [(corners[0], corners[k], corners[k + 1]) for k in range(1, n - 1)]
-        found.append((corners[ear - 1], corners[ear], corners[(ear + 1) % n]))
-        del corners[ear]
-    return [*found, (corners[0], corners[1], corners[2])]
-
-
-def _is_ear(points: Floats, corners: list[int], k: int, normal: Floats) -> bool:
-    """Whether the triangle at corner k is convex, and holds no other corner, nor has one on the side that is cut."""
-    n = len(corners)
-    a, b, c = (points[corners[place % n]] for place in (k - 1, k, k + 1))
-    if np.cross(b - a, c - b) @ normal <= 0.0:
-        return False
-    others = points[[corner for place, corner in enumerate(corners) if (place - k + 1) % n > 2]]
-    inside = np.cross(a - c, others - c) @ normal > -_TOUCHES * (normal @ normal)
-    for start, end in ((a, b), (b, c)):
-        inside &= np.cross(end - start, others - start) @ normal > 0.0
-    return not inside.any()
+    length = np.linalg.norm(normal)
+    if not (np.isfinite(length) and length > 0.0):
+        return np.stack([np.broadcast_to(corners[0], len(corners) - 2), corners[1:-1], corners[2:]], axis=1)
+    normal /= length
+    across = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    across /= np.linalg.norm(across)
+    flat = x @ np.stack([across, np.cross(normal, across)], axis=1)
+    return np.asarray(corners[manifold3d.triangulate([flat])])
 
 
 def _halves(points: Floats, quads: Cells) -> Cells:

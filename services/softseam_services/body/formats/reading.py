@@ -10,17 +10,22 @@ from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
 from softseam_services.body.errors import MeshError
+from softseam_services.body.formats.collada import read_collada
+from softseam_services.body.formats.gltf import read_gltf
 from softseam_services.body.formats.gmsh import read_gmsh
 from softseam_services.body.formats.medit import read_medit
 from softseam_services.body.formats.mesh_file import MeshFile, from_meshio
 from softseam_services.body.formats.obj import read_obj
 from softseam_services.body.formats.off import read_off
 from softseam_services.body.formats.ply import read_ply
+from softseam_services.body.formats.polygons import LargePolygon
 from softseam_services.body.formats.stl import read_stl
+from softseam_services.body.formats.tetgen import read_tet, read_tetgen
+from softseam_services.body.formats.usd import read_usd
 from softseam_services.body.formats.vtk_legacy import legacy_dataset, read_legacy
 from softseam_services.body.formats.vtk_xml import read_xml
 
-READ = "OBJ, STL, PLY, OFF, VTK (legacy, VTU, VTP), Gmsh and MEDIT"
+READ = "OBJ, STL, PLY, OFF, VTK (legacy, VTU, VTP), Gmsh, MEDIT, COLLADA, glTF, USD and TetGen"
 _Reader = Callable[[str, bytes], MeshFile]
 _BY_CONTENT: tuple[tuple[re.Pattern[bytes], _Reader], ...] = (
     (re.compile(rb"\s*<\?xml[^>]*>\s*(<!--.*?-->\s*)*<VTKFile\b|\s*<VTKFile\b", re.S), read_xml),
@@ -28,6 +33,9 @@ _BY_CONTENT: tuple[tuple[re.Pattern[bytes], _Reader], ...] = (
     (re.compile(rb"\s*\$(MeshFormat|NOD)\b"), read_gmsh),
     (re.compile(rb"\s*(ST)?C?N?OFF(?![A-Za-z])"), read_off),
     (re.compile(rb"\s*MeshVersionFormatted\b"), read_medit),
+    (re.compile(rb"glTF[\x01-\x0f]\x00\x00\x00"), read_gltf),
+    (re.compile(rb"#usda |PXR-USDC"), read_usd),
+    (re.compile(rb"(?:\xef\xbb\xbf)?\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<COLLADA\b", re.S), read_collada),
 )
 _BY_SUFFIX: dict[str, _Reader] = {
     ".obj": read_obj,
@@ -37,22 +45,37 @@ _BY_SUFFIX: dict[str, _Reader] = {
     ".msh": read_gmsh,
     ".vtp": read_xml,
     ".vtu": read_xml,
+    ".dae": read_collada,
+    **dict.fromkeys((".gltf", ".glb"), read_gltf),
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), read_usd),
+    **dict.fromkeys((".node", ".ele"), read_tetgen),
+    ".tet": read_tet,
 }
 _OTHERS = {
     **dict.fromkeys((".step", ".stp", ".iges", ".igs", ".brep", ".fcstd", ".sldprt", ".x_t", ".3dm"), "CAD"),
-    **dict.fromkeys((".3mf", ".amf", ".dae", ".fbx", ".glb", ".gltf", ".blend", ".3ds", ".x3d", ".wrl", ".usd", ".usda",
-                     ".usdc", ".usdz", ".ifc", ".dxf"), "scenes and drawings"),
+    **dict.fromkeys((".3mf", ".amf", ".fbx", ".blend", ".3ds", ".x3d", ".wrl", ".ifc", ".dxf"), "scenes and drawings"),
     **dict.fromkeys((".pcd", ".las", ".laz", ".e57", ".pts", ".xyz"), "clouds of points"),
 }  # fmt: skip
 _REMEDY = {
     "CAD": "export it from the CAD program as STL or OBJ, in millimetres with `scale: 0.001`",
-    "scenes and drawings": "export the solid as STL, OBJ or PLY, e.g. from Blender",
+    "scenes and drawings": "export the solid as glTF, STL, OBJ or PLY, e.g. from Blender",
     "clouds of points": "make a closed surface of it first, and save that as PLY or STL",
 }
+_MESHIO = (".inp", ".bdf", ".fem", ".nas", ".su2", ".vtk", ".xml", ".mdpa", ".f3grid", ".dat", ".tec", ".ugrid", ".avs",
+           ".wkt", ".vol", ".post", ".dato", ".mesh", ".meshb")  # fmt: skip
+"""what meshio reads of one file alone: XDMF names files of arrays, and others are packed, of any size"""
+_INCLUDE = re.compile(rb"^[ \t]*(?P<keyword>\*INCLUDE)\b(?:[^\n]*?=)?(?P<file>[^\r\n]*)", re.I | re.M)
 
 
 def read_mesh_file(path: str, data: bytes) -> MeshFile:
     """Points and cells of a file; raises MeshError where it is not whole, or of a format that is not read."""
+    try:
+        return _by_format(path, data)
+    except LargePolygon as error:
+        raise MeshError(f"{path}: {error}") from None
+
+
+def _by_format(path: str, data: bytes) -> MeshFile:
     suffix = PurePosixPath(path.replace("\\", "/")).suffix.lower()
     if not data.strip():
         raise MeshError(f"{path}: the file is empty; export it again")
@@ -70,7 +93,22 @@ def read_mesh_file(path: str, data: bytes) -> MeshFile:
         raise MeshError(
             f"{path}: {suffix} is a format of {_OTHERS[suffix]}, which is not read; {_REMEDY[_OTHERS[suffix]]}"
         )
+    if suffix == ".inp" and (include := _INCLUDE.search(data)):
+        line = data.count(b"\n", 0, include.start("keyword")) + 1
+        raise MeshError(
+            f"{path}:{line}: *INCLUDE of {include['file'].decode('latin-1').strip()!r}: a mesh is read from one file; "
+            "put what is included in its place"
+        )
+    if suffix not in _MESHIO:
+        raise MeshError(_unread(path, suffix, ""))
     return _by_meshio(path, suffix, data)
+
+
+def _unread(path: str, suffix: str, reason: str) -> str:
+    return (
+        f"{path}: cannot be read as {suffix or 'a mesh'}{f' ({reason})' if reason else ''}; save it in one of the "
+        f"formats that are read: {READ}"
+    )
 
 
 def _by_meshio(path: str, suffix: str, data: bytes) -> MeshFile:
@@ -89,7 +127,4 @@ def _by_meshio(path: str, suffix: str, data: bytes) -> MeshFile:
             text = said.getvalue() if isinstance(error, SystemExit) else str(error)
             lines = text.replace(str(file), path).splitlines()
             reason = next((line.strip() for line in lines if re.search(r"[A-Za-z]{3}", line)), "")
-            raise MeshError(
-                f"{path}: cannot be read as {suffix or 'a mesh'}{f' ({reason})' if reason else ''}; save it in one of "
-                f"the formats that are read: {READ}"
-            ) from error
+            raise MeshError(_unread(path, suffix, reason)) from error

@@ -11,6 +11,7 @@ import re
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 from xml.etree import ElementTree
 
 import numpy as np
@@ -22,10 +23,18 @@ from softseam_services.body.formats.vtk_cells import vtk_cells
 
 _NUMBERS = {"Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4", "Int64": "i8",
             "UInt64": "u8", "Float32": "f4", "Float64": "f8"}  # fmt: skip
-_COMPRESSORS: dict[str, Callable[[bytes], bytes]] = {
-    "vtkZLibDataCompressor": zlib.decompress,
-    "vtkLZMADataCompressor": lzma.decompress,
+
+
+class _Decompressor(Protocol):
+    def decompress(self, data: bytes, max_length: int, /) -> bytes: ...
+
+
+_COMPRESSORS: dict[str, Callable[[], _Decompressor]] = {
+    "vtkZLibDataCompressor": zlib.decompressobj,
+    "vtkLZMADataCompressor": lzma.LZMADecompressor,
 }
+_MOST_BYTES = 2**30
+"""that compressed arrays of a file may have, which tell it before they are unpacked"""
 _POLYDATA = {"Polys": 7, "Strips": 6}
 """types of the cells of each section"""
 _APPENDED = re.compile(rb"<AppendedData\b[^>]*>\s*_", re.S)
@@ -37,10 +46,12 @@ class _Layout:
 
     order: str
     header: np.dtype[np.unsignedinteger]
-    decompress: Callable[[bytes], bytes] | None
+    decompressor: Callable[[], _Decompressor] | None
     appended: bytes
     raw: bool
     """whether what is appended is no base64"""
+    unpacked: list[int]
+    """bytes of the compressed arrays that were read, updated in place"""
 
 
 def read_xml(path: str, data: bytes) -> MeshFile:
@@ -58,7 +69,7 @@ def read_xml(path: str, data: bytes) -> MeshFile:
             raise MeshError(f"{path}: is compressed by {compressor}: save it by zlib or not compressed, or as STL")
         order = ">" if root.get("byte_order", "") == "BigEndian" else "<"
         header = np.dtype(order + _NUMBERS[root.get("header_type", "UInt32")])
-        layout = _Layout(order, header, _COMPRESSORS[compressor] if compressor else None, appended, raw)
+        layout = _Layout(order, header, _COMPRESSORS[compressor] if compressor else None, appended, raw, [])
         points, cells, before = [np.zeros((0, 3))], [], 0
         for piece in root.iter("Piece"):
             at = piece.find("Points/DataArray")
@@ -131,7 +142,7 @@ def _content(stored: bytes, layout: _Layout, raw: bool) -> bytes:
             return stored[at : at + count]
         return base64.b64decode(stored[at : at + _in_base64(count)])[:count]
 
-    if layout.decompress is None:
+    if layout.decompressor is None:
         n_bytes = int(np.frombuffer(part(0, size), layout.header)[0])
         found = part(0, size + n_bytes)[size:]
         if len(found) != n_bytes:
@@ -139,10 +150,24 @@ def _content(stored: bytes, layout: _Layout, raw: bool) -> bytes:
         return found
     n_blocks = int(np.frombuffer(part(0, size), layout.header)[0])
     head = (3 + n_blocks) * size
-    lengths = np.frombuffer(part(0, head), layout.header)[3:].astype(np.int64)
+    told = np.frombuffer(part(0, head), layout.header)
+    if len(told) != 3 + n_blocks:
+        raise ValueError(f"an array has {len(told):,} numbers in place of a head of {3 + n_blocks:,}")
+    whole, rest = int(told[1]), int(told[2])
+    sizes = [whole] * (n_blocks - 1) + [rest or whole] if n_blocks else []
+    layout.unpacked.append(sum(sizes))
+    if sum(layout.unpacked) > _MOST_BYTES:
+        raise ValueError(f"it packs arrays of {sum(layout.unpacked):,} bytes, more than {_MOST_BYTES:,}")
+    lengths = told[3:].astype(np.int64)
     packed = part(head if raw else _in_base64(head), int(lengths.sum()))
-    ends = np.cumsum(lengths)
-    return b"".join(layout.decompress(packed[end - n : end]) for n, end in zip(lengths, ends, strict=True))
+    blocks = []
+    for n_bytes, n_packed, end in zip(sizes, lengths.tolist(), np.cumsum(lengths).tolist(), strict=True):
+        block = layout.decompressor().decompress(packed[end - n_packed : end], n_bytes + 1)
+        if len(block) != n_bytes:
+            more = "more than" if len(block) > n_bytes else f"{len(block):,} bytes in place of"
+            raise ValueError(f"a block has {more} {n_bytes:,} bytes that it tells")
+        blocks.append(block)
+    return b"".join(blocks)
 
 
 def _in_base64(count: int) -> int:
