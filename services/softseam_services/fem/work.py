@@ -78,12 +78,14 @@ class Work(NamedTuple):
     multiplier: Floats
     contact: Floats
     hold: Floats
-    """per pair: stiffness [N/m], the part that is carried over, the gap that is left [m], the pace, and s of
-    tools/kernels/patch.py [m]"""
+    """per pair: stiffness [N/m], the part that is carried over, the gap that is left [m], the pace, s of
+    tools/kernels/patch.py [m], and the least gap that a patch may have [m]"""
     side: NDArray[np.int8]
-    """per pair: side of the box that the point faces, -1 where the tool's gap counts, or SWEPT"""
+    """per pair: side of the box that the point faces, -1 where the tool's gap counts, SWEPT or EDGED"""
     plane: Floats
     """per pair: normal and distance of a plane in the tool's frame, where `side` says so (4,)"""
+    patch: Floats
+    """per pair: edges of the point's patch as the step begins, where `side` is EDGED (2, 3) [m]"""
     state: NDArray[np.int8]
     factored_state: NDArray[np.int8]
     """contact states that the factor holds (p, t)"""
@@ -184,9 +186,10 @@ def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work
         offset=np.zeros((n_pairs, 3)),
         multiplier=np.zeros((n_pairs, 3)),
         contact=np.zeros((n_pairs, N_COLUMNS)),
-        hold=np.zeros((n_pairs, 5)),
+        hold=np.zeros((n_pairs, 6)),
         side=np.zeros(n_pairs, dtype=np.int8),
         plane=np.zeros((n_pairs, 4)),
+        patch=np.zeros((n_pairs, 2, 3)),
         state=np.zeros(n_pairs, dtype=np.int8),
         factored_state=np.zeros((len(model.point_face), n_tools), dtype=np.int8),
         factored=np.zeros((len(model.point_face), n_tools, 3, 3)),

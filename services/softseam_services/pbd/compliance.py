@@ -15,6 +15,7 @@ from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import record
 
 from .kernels.block import new_workspace
+from .kernels.patch import find_patches
 from .kernels.probe import probe_seam
 from .kernels.thread_team import new_team
 from .model import PbdModel
@@ -145,6 +146,7 @@ class SeamProbe:
             tolerance=0.0,
         )
         n, p, t, b = len(ids), len(self._used), model.n_tools, blocks.n_batches
+        self._patch = np.zeros((model.n_points, 2, 3))
         self._inputs = new_inputs(t, len(model.seam))
         self._seam_mass = inverse_mass[self._arrays.seam]
         beyond = edge[: len(edge) if not clamped else 0]
@@ -190,7 +192,9 @@ class SeamProbe:
         if len(free) == 0:
             return np.zeros((3 * n_seam, 3 * n_seam)), self._ways
         inputs.position[:], inputs.orientation[:] = position, orientation
+        find_patches(self._model.arrays, parameters.arrays, x, self._patch)
         for bench in self._benches:
+            np.take(self._patch, self._used, axis=0, out=bench.scratch.contacts.patch)
             np.take(x, self.ids, axis=0, out=bench.start.x)
             np.take(force, self._used, axis=0, out=bench.start.force)
 

@@ -90,6 +90,7 @@ class PbdModel:
             node=self.node,
             touches=self.touches,
             visits=self.visits,
+            n_surface=self.n_surface,
         )
 
     def seam_force(self, force: Floats) -> Floats:

@@ -32,6 +32,8 @@ class ModelArrays(NamedTuple):
     node: Ints
     touches: NDArray[np.bool_]
     visits: Ints
+    n_surface: int
+    """points of the surface; those inside faces come after them"""
 
 
 @record
@@ -62,6 +64,7 @@ class ParameterArrays(NamedTuple):
     kind: NDArray[np.int64]
     shape: Floats
     reach: Floats
+    edged: NDArray[np.bool_]
     friction: Floats
     near: NDArray[np.bool_]
     margin: float
@@ -137,6 +140,8 @@ class Contacts(NamedTuple):
     """see `kernels.tool_motion` (2, t, 12)"""
     point_x: Floats
     """places of the points (p, 3) [m]"""
+    patch: Floats
+    """edges of points' patches as the step begins, 0 but inside faces that tools with edges press (p, 2, 3) [m]"""
     slow: NDArray[np.bool_]
     """tools that go by less than a patch in the step (t,)"""
 
@@ -211,6 +216,7 @@ def new_contacts(model: ModelArrays, n: int, t: int) -> Contacts:
         orientation=np.zeros((2, t, 4)),
         motion=np.zeros((2, t, 12)),
         point_x=np.zeros((p, 3)),
+        patch=np.zeros((p, 2, 3)),
         slow=np.ones(t, dtype=np.bool_),
     )
 

@@ -18,6 +18,7 @@ from .kernels import summary as k
 from .kernels.block import new_workspace
 from .kernels.leapfrog import advance_leapfrog
 from .kernels.pairs import place_points
+from .kernels.patch import find_patches
 from .kernels.split import split_forces
 from .kernels.substep import advance_step
 from .model import PbdModel
@@ -206,6 +207,7 @@ def attempt(
     scratch.arrays.used[:] = 0
     _tell(model, inputs, n_substeps, scratch)
     scratch.arrays.contacts.slow[:] = _slow(parameters, work, inputs.tools, dt)
+    find_patches(*arrays, work.x, scratch.arrays.contacts.patch)
     scratch.pair.run(
         *(n_substeps * n_sweeps, advance_step, *arrays, work, scratch.inputs, scratch.arrays, scratch.outputs),
         *(dt, n_substeps, n_sweeps),

@@ -40,6 +40,7 @@ def geometry(spec: CylinderTool | CylinderPart, files: Files) -> Geometry:
         extent=lambda direction: float(radius * np.hypot(direction[0], direction[1]) + abs(direction[2]) * half),
         sameness=Sameness((1.0, 1.0, 2.0)),
         core=ends(radius, half),
+        bends=0.99,
         rounded=lambda rim: np.array([radius, half, min(rim, ROUNDEST * 2.0 / (2.0 / radius + 1.0 / half))]),
     )
 

@@ -61,6 +61,11 @@ class ToolSet:
         """As of each one's geometry (t,) [1]"""
         return np.array([each.bends for each in self.geometry])
 
+    @cached_property
+    def edged(self) -> NDArray[np.bool_]:
+        """Tools with edges between faces (t,)."""
+        return np.array([each.rounded is not None and each.bends < 1.0 for each in self.geometry], dtype=np.bool_)
+
     def rounded(self, radius: NDArray[np.float64]) -> ToolSet:
         """The same tools with edges of these radii (t,) [m], and less where walls are thin; 0 leaves one as it is."""
         shape = self.shape.copy()

@@ -9,9 +9,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_services.fem.kernels.contact import ANCHOR, AT_NODE, OPEN, SPREAD, SWEPT, coefficient, point_position
+from softseam_services.fem.kernels.contact import (
+    ANCHOR,
+    AT_NODE,
+    EDGED,
+    OPEN,
+    SPREAD,
+    SWEPT,
+    coefficient,
+    point_position,
+)
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, PLANE
+from softseam_services.tools.face_points import PATCHES
 from softseam_services.tools.kernels import (
     SLOW,
     rotate,
@@ -105,6 +115,17 @@ def faced_side(shape, position, orientation, point):
 
 
 @njit(cache=True, error_model="numpy")
+def _patch_edges(x, model, parameters, point, xp, edges):
+    """edges (2, 3) [m] <- those of the patch of a point inside a face, at xp (3,) where nodes are at x (n, 3)."""
+    number = (point - len(model.point_face)) % PATCHES**2  # these come last, and face by face
+    up, on = 1 - 2 * (number // PATCHES % 2), 1 - 2 * (number % 2)
+    point_position(x, model, parameters, point + PATCHES * up, edges[0])
+    point_position(x, model, parameters, point + on, edges[1])
+    for i in range(3):
+        edges[0, i], edges[1, i] = up * (edges[0, i] - xp[i]), on * (edges[1, i] - xp[i])
+
+
+@njit(cache=True, error_model="numpy")
 def find_holders(model, multiplier, n_nodes):
     """Which tool holds points that hang on a node (n,): `_NOBODY`, its number, or `SEVERAL`."""
     holder = np.full(n_nodes, _NOBODY, dtype=np.int16)
@@ -153,17 +174,23 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
             touched = f0 != 0.0 or f1 != 0.0 or f2 != 0.0
             sag, side = 0.0, -1
             carry = 0.0 if face >= 0 or face == SPREAD else 1.0
-            gap = tool_gap(kind, shape, position, turn, xp)[0]
+            gap, edged = tool_gap(kind, shape, position, turn, xp)[0], False
             if face >= 0:
+                edged, near = tools.edged[tool], 0.5 * parameters.face_edge[face]
+                if edged and (gap < reach + near or touched or work.factored_state[point, tool] != OPEN):
+                    _patch_edges(x, model, parameters, point, xp, work.patch[count])
+                    gap -= near
                 sag = tools.bends[tool] * sag_under(tools.half_width[tool], 0.5 * parameters.face_edge[face])
             if gap < reach or touched or work.factored_state[point, tool] != OPEN:
+                if edged:
+                    side = EDGED
                 if kind == BOX and (carry == 1.0 or min(shape[0], shape[1], shape[2]) < reach):
                     side = faced_side(shape, tools.position[tool], tools.orientation[tool], xp)
                     # what is pressed deep into a thin box stays on the side that presses it
                     inside = tool_gap(kind, shape, tools.position[tool], tools.orientation[tool], xp)[0] < 0.0
                     if inside and touched and coefficient(parameters, point, tool) < 1.0:
                         side = side_along(tools.orientation[tool], f0, f1, f2)
-                if side == -1 and kind != PLANE and not touched and reach > SLOW * tools.reach[tool]:
+                if (side == -1 or edged) and kind != PLANE and not touched and reach > SLOW * tools.reach[tool]:
                     point_position(v, model, parameters, point, ahead)
                     for i in range(3):
                         ahead[i] = xp[i] + dt * ahead[i]
@@ -192,6 +219,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                 work.hold[count, 2] = 0.0
                 work.hold[count, 3] = pace
                 work.hold[count, 4] = sag
+                work.hold[count, 5] = max(gap, 0.0)
                 if pace < 1.0:
                     position, turn = tools.position[tool], tools.orientation[tool]
                     if side < 0:

@@ -29,8 +29,8 @@ A multiplier that is carried over follows the gap one step late: a point of mass
 gains energy in contact where r h^2 < m, and keeps less of an oscillation the larger r h^2/m is (0.42 a step at 20). So
 short steps have a stiffer r (`firmness`) where c = 1.
 
-A patch under what is round yields more until it is inside by the sag s of tools/kernels/patch.py, whose eq. (1) takes
-the place of -r g in p and of r in what n n^T has in eq. (2).
+Inside faces F of tools/kernels/patch.py takes the place of -r g in p, and its slope that of r in what n n^T has in
+eq. (2).
 
 A point that comes by much in a step, and through a tool of which it faces no side, meets the plane at which it met the
 tool on its way: no tool is too thin for a fast body.
@@ -45,7 +45,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import bent, plane_gap, press, side_gap, tool_gap
+from softseam_services.tools.kernels import bent, patch_press, plane_gap, press, side_gap, tool_gap
 
 OPEN, STICK, SLIP = 0, 1, 2
 TO_HOLD, HELD = 3, 4
@@ -53,8 +53,8 @@ TO_HOLD, HELD = 3, 4
 AT_NODE, ALONE, SPREAD = -1, -2, -3
 """in model.point_face: a node of a face that has points of its own; a point that touches every tool; and one of the
 many of an embedded surface, which touches every tool, too, and keeps a gap: body/contact_points.py"""
-SWEPT = -2
-"""in work.side: the point meets work.plane"""
+SWEPT, EDGED = -2, -3
+"""in work.side: the point meets work.plane; its patch, whose edges are work.patch, is inside a tool with edges"""
 _STUCK = 0.999
 """of the bound: a multiplier below that did not slip"""
 # columns of work.contact
@@ -95,19 +95,28 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         row = work.contact[c]
         point_position(x, model, parameters, point, xp)
         orientation = tools.orientation_next[tool]
+        stiffness, carry, sag = work.hold[c, 0], work.hold[c, 1], work.hold[c, 4]
+        inside, slope = 0.0, 1.0
         if work.side[c] == SWEPT:
             gap, nx, ny, nz = plane_gap(work.plane[c], tools.position_next[tool], orientation, xp)
+        elif work.side[c] == EDGED:
+            inside, slope, nx, ny, nz = patch_press(
+                *(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation),
+                *(xp, work.patch[c, 0], work.patch[c, 1], sag),
+            )
+            gap = -inside / slope if inside > 0.0 else work.hold[c, 5]
         elif work.side[c] < 0:
             gap, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation, xp)
         else:
             gap, nx, ny, nz = side_gap(work.side[c], tools.shape[tool], tools.position_next[tool], orientation, xp)
         f = work.multiplier[c]
-        stiffness, carry = work.hold[c, 0], work.hold[c, 1]
         along = f[0] * nx + f[1] * ny + f[2] * nz
-        inside, row[SLOPE] = work.hold[c, 2] - gap, stiffness
-        if work.hold[c, 4] > 0.0 and inside > 0.0:
-            inside, slope = press(inside, work.hold[c, 4] * bent(tools.kind[tool], orientation, nx, ny, nz))
-            row[SLOPE] = slope * stiffness
+        if work.side[c] != EDGED:
+            inside = -gap
+        inside += work.hold[c, 2]
+        if work.side[c] != EDGED and sag > 0.0 and inside > 0.0:
+            inside, slope = press(inside, sag * bent(tools.kind[tool], orientation, nx, ny, nz))
+        row[SLOPE] = slope * stiffness
         pressure = carry * max(0.0, along) + stiffness * inside
         was = work.state[c]
         row[GAP] = gap

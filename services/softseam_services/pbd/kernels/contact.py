@@ -47,6 +47,7 @@ from .pairs import (
     FRICTION,
     GAP,
     GIVE,
+    GRADE,
     HELD,
     HOLD,
     LAG,
@@ -172,11 +173,18 @@ def _pressed(row, lane):
 
 
 @lane_kernel
+def _yields(row, lane, pressure):
+    """alpha of a point that is pressed so [m/N]; d/F of tools/kernels/patch.py."""
+    grade = row[lane + EIGHT * GRADE]
+    return patch_yields(row[lane + EIGHT * SOFT], row[lane + EIGHT * LAG], pressure / grade) / grade
+
+
+@lane_kernel
 def _solve_softly(row, lane, motion, hh, newer):
     """Eq. (3) for one pair at its GAP; where SOFT is 0, eq. (1)."""
     nx, ny, nz = row[lane + EIGHT * (GAP + 1)], row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
     held = row[lane + EIGHT * HELD] * nx + row[lane + EIGHT * (HELD + 1)] * ny + row[lane + EIGHT * (HELD + 2)] * nz
-    soft = patch_yields(row[lane + EIGHT * SOFT], row[lane + EIGHT * LAG], max(0.0, held))
+    soft = _yields(row, lane, max(0.0, held))
     give = row[lane + EIGHT * GIVE]
     row[lane + EIGHT * (GIVE + 1)] = 1.0 / (give + soft) if give > 0.0 else 0.0
     old_x, old_y = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)]
@@ -288,7 +296,7 @@ def _begin_group(model, parameters, contacts, xw, tool, group, h):
         for lane in range(EIGHT):
             if row[lane + EIGHT * DEPTH] > 0.0:
                 old = _pressed(row, lane)
-                old *= patch_yields(row[lane + EIGHT * SOFT], row[lane + EIGHT * LAG], old)
+                old *= _yields(row, lane, old)
                 old += row[lane + EIGHT * GAP]
                 row[lane + EIGHT * ALLOWED] = min(0.0, old) / (1.0 + h / RELEASE)
 

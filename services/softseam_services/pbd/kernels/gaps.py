@@ -8,16 +8,19 @@ from __future__ import annotations
 
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import PLANE
-from softseam_services.tools.kernels import rotate, rotate_back, swept_gap
+from softseam_services.tools.kernels import patch_press, rotate, rotate_back, swept_gap
 
 from .faced import faced_gap, faces
 from .lanes import batch_kernel
-from .pairs import BEFORE, EIGHT, GAP, POINT
+from .pairs import BEFORE, EIGHT, GAP, GRADE, PATCH, POINT
+
+_JUST = 1e-12
+"""gap of a patch that no tool reaches, though its middle is inside one [m]"""
 
 
 @njit(cache=True, error_model="numpy")
 def _swept(row, lane, kind, shape, place, turn, motion, slow):
-    """Gap and normal of a point to a tool, which it does not pass in this substep."""
+    """`swept_gap` of a point to a tool, which it does not pass in this substep."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
     ux, uy = row[lane + EIGHT * BEFORE], row[lane + EIGHT * (BEFORE + 1)]
     uz = row[lane + EIGHT * (BEFORE + 2)]
@@ -27,8 +30,7 @@ def _swept(row, lane, kind, shape, place, turn, motion, slow):
         zx * ux + zy * uy + zz * uz + bz,
     )
     point = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
-    _, gap, nx, ny, nz = swept_gap(kind, shape, place, turn, start, point, slow)
-    return gap, nx, ny, nz
+    return swept_gap(kind, shape, place, turn, start, point, slow)
 
 
 @njit(cache=True, error_model="numpy")
@@ -37,7 +39,17 @@ def find_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
     for lane in range(EIGHT):
         if rows[group, POINT + lane] < 0:
             continue
-        gap, nx, ny, nz = _swept(row, lane, kind, shape, place, turn, motion, slow)
+        met, gap, nx, ny, nz = _swept(row, lane, kind, shape, place, turn, motion, slow)
+        u = row[lane + EIGHT * PATCH], row[lane + EIGHT * (PATCH + 1)], row[lane + EIGHT * (PATCH + 2)]
+        v = row[lane + EIGHT * (PATCH + 3)], row[lane + EIGHT * (PATCH + 4)], row[lane + EIGHT * (PATCH + 5)]
+        row[lane + EIGHT * GRADE] = 1.0
+        if not met and u[0] * u[0] + u[1] * u[1] + u[2] * u[2] > 0.0:
+            point = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
+            depth, grade, mx, my, mz = patch_press(kind, shape, place, turn, point, u, v, 0.0)
+            gap = max(gap, _JUST)
+            if depth > 0.0:
+                row[lane + EIGHT * GRADE] = grade
+                gap, nx, ny, nz = -depth / grade, mx, my, mz
         row[lane + EIGHT * GAP] = gap
         row[lane + EIGHT * (GAP + 1)] = nx
         row[lane + EIGHT * (GAP + 2)] = ny

@@ -23,6 +23,8 @@ HOLD        1  directions in which the tool holds the point: 0, 1 where it slide
 SOFT        1  compliance of contact where many points share a block, else 0 [m/N]
 HELD        3  FORCE at the start of the substep, in groups with such points [N]
 STEADY      2  pressure with a memory, by which friction is bounded, and how far friction went beyond the pressure [N]
+GRADE       1  slope of eq. (2) of tools/kernels/patch.py, 1 where that is not looked at
+PATCH       6  edges of the point's patch under a tool with edges, else 0 [m]
 LAG         1  how much farther a point that is pressed firmly is inside for the tool's being round [m]
 FACED       3  outward normal, in a box's frame, of the side that the point faced when the substep began, 0 where it
                faced none
@@ -37,7 +39,7 @@ import numpy as np
 
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
-from softseam_services.tools.kernels import bent, patch_yields, tool_gap, tool_travel
+from softseam_services.tools.kernels import bent, patch_press, patch_yields, tool_gap, tool_travel
 
 from .lanes import LANES, four, three, transpose_four
 
@@ -45,13 +47,17 @@ EIGHT = 2 * LANES
 """lanes of a group: with four the compiler would write the short loops out, number by number"""
 
 X, W, BEFORE, FORCE, ALLOWED, FRICTION, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 13, 15, 18, 21, 24
-WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, LAG = 27, 28, 29, 33, 36, 37, 38, 41, 43, 46
-N_COLUMNS = 47
+WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, LAG, GRADE, PATCH = (
+    27, 28, 29, 33, 36, 37, 38, 41, 43, 46, 47, 48,
+)  # fmt: skip
+N_COLUMNS = 54
 WIDTH = N_COLUMNS * EIGHT
 POINT, NODE, DIRECT, DEEP, EDGED = 0, 8, 16, 17, 18
 N_ROWS = 19
 DEEPEST_ROUNDOFF = 1e-9
 """penetrations below this are roundoff of a closed contact [m]"""
+NEAR = 4.0
+"""how far a patch reaches beside its middle, in margins of contact"""
 RANKS, NOT_FOUND = 3, 3.0
 """of pairs, see `find_pairs`"""
 EXACT, STEEP = 1.001, 2.0
@@ -141,12 +147,19 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
             state.steady[point, tool] = 0.0
             continue
         gap, nx, ny, nz = tool_gap(kind, shape, place, turn, x)
+        grade = 1.0
+        if parameters.edged[tool] and point >= model.n_surface:
+            gap -= NEAR * parameters.margin
+            if gap < margin:
+                patch = contacts.patch[point]
+                depth, grade, nx, ny, nz = patch_press(kind, shape, place, turn, x, patch[0], patch[1], 0.0)
+                gap = -depth / grade if depth > 0.0 else max(0.0, gap)
         if gap >= margin and not carried:
             state.steady[point, tool] = 0.0
             continue
         due = max(0.0, fx * nx + fy * ny + fz * nz)
         lag = lags[point, tool] * bent(kind, turn, nx, ny, nz) if contacts.slow[tool] else 0.0
-        due *= patch_yields(softness[point], lag, due)
+        due *= patch_yields(softness[point], lag, due / grade) / grade
         held = carried or state.steady[point, tool, 0] != 0.0 or state.steady[point, tool, 1] != 0.0
         rank = 0.0 if held or gap <= 0.0 else 1.0 if gap < contacts.ahead[tool] else 2.0
         found[point, 0], found[point, 1], found[point, 2], found[point, 3] = gap, -gap - due, rank, lag
@@ -185,6 +198,11 @@ def _add_pair(model, parameters, state, contacts, tool, point, hh, first_open, n
     if yields > 0.0:
         rows[group, EDGED] = 1
         row[EIGHT * SOFT + lane], row[EIGHT * LAG + lane] = yields, contacts.found[point, 3]
+    row[EIGHT * GRADE + lane] = 1.0
+    if parameters.edged[tool] and point >= model.n_surface:
+        for c in range(3):
+            row[EIGHT * (PATCH + c) + lane] = contacts.patch[point, 0, c]
+            row[EIGHT * (PATCH + 3 + c) + lane] = contacts.patch[point, 1, c]
     if depth > DEEPEST_ROUNDOFF:
         row[EIGHT * DEPTH + lane] = depth
         rows[group, DEEP] = 1

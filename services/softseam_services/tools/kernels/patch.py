@@ -6,8 +6,13 @@ inside a tool by d the force is
   F = r/2 (d - s + sqrt((d - s)^2 + 4 q s d)),   r = DENSE E A/h,   q = LIGHT/DENSE,                               (1)
   s = SAG h^2/(R (1 + (R/(WIDE h))^4))
 that is LIGHT E A d/h at first and r (d - (1 - q) s) deeper, or d = F/r + (1 - q) s F/(F + q r s); s = 0 under what is
-flat. With DENSE alone, what is round is felt up to a third too firmly where few patches touch. F is the slope of an
-energy of the patch's place, so that what a tool puts in it gets back.
+flat. With DENSE alone, what is round is felt up to a third too firmly where few patches touch.
+
+Under a tool with edges a patch is looked at in PLACES x PLACES places, each of which is inside by its own d and pushed
+along its own normal n, with its share of r:
+  F = mean F(d_q) n_q,   dF/dx along F's direction m:  mean F'(d_q) (n_q . m)^2                                    (2)
+So a patch is let go by and by as an edge passes. All of it is the slope of an energy of places: what a tool puts in it
+gets back.
 """
 
 from __future__ import annotations
@@ -18,6 +23,7 @@ import numpy as np
 
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import CYLINDER
+from softseam_services.shapes.distance import tool_gap
 from softseam_services.shapes.turns import rotate
 
 DENSE = 60.0
@@ -26,6 +32,8 @@ LIGHT = 2.5
 """the same of a patch that hardly touches what is round"""
 SAG, WIDE = 0.08, 6.0
 """of eq. (1)"""
+PLACES = 3
+"""along each edge of a patch"""
 _NO_FORCE = 1e-300
 """times a compliance [m]"""
 
@@ -56,12 +64,6 @@ def press(inside, sag):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def patch_yields(give, lag, force):
-    """Eq. (1): d/F of a patch with this force [m/N]; give: 1/r, lag: (1 - q) s [m]."""
-    return give + give * lag / (force * give + LIGHT / (DENSE - LIGHT) * lag + _NO_FORCE)
-
-
-@njit(cache=True, error_model="numpy", forceinline=True)
 def bent(kind, orientation, nx, ny, nz):
     """Part of s of eq. (1) that counts where a tool has this normal [1]: none at the flat ends of a cylinder."""
     if kind != CYLINDER:
@@ -69,3 +71,43 @@ def bent(kind, orientation, nx, ny, nz):
     ax, ay, az = rotate(orientation, 0.0, 0.0, 1.0)
     along = ax * nx + ay * ny + az * nz
     return 1.0 - along * along
+
+
+@njit(cache=True, error_model="numpy")
+def patch_press(kind, shape, position, orientation, point, u, v, sag):
+    """Eq. (2) over r of the patch of middle (3,) and edges u, v (3,): F [m], its slope [1] and its direction.
+
+    F is 0 where the tool does not reach it; then the direction is that of the middle.
+    """
+    fx = fy = fz = xx = xy = xz = yy = yz = zz = 0.0
+    for i in range(PLACES):
+        s = (2 * i + 1.0 - PLACES) / (2.0 * PLACES)
+        for j in range(PLACES):
+            t = (2 * j + 1.0 - PLACES) / (2.0 * PLACES)
+            at = (
+                point[0] + s * u[0] + t * v[0],
+                point[1] + s * u[1] + t * v[1],
+                point[2] + s * u[2] + t * v[2],
+            )
+            gap, nx, ny, nz = tool_gap(kind, shape, position, orientation, at)
+            if gap < 0.0:
+                f, k = -gap, 1.0
+                here = sag * bent(kind, orientation, nx, ny, nz)
+                if here > 0.0:
+                    f, k = press(f, here)
+                fx, fy, fz = fx + f * nx, fy + f * ny, fz + f * nz
+                xx, xy, xz = xx + k * nx * nx, xy + k * nx * ny, xz + k * nx * nz
+                yy, yz, zz = yy + k * ny * ny, yz + k * ny * nz, zz + k * nz * nz
+    size = np.sqrt(fx * fx + fy * fy + fz * fz)
+    if size == 0.0:
+        _, nx, ny, nz = tool_gap(kind, shape, position, orientation, point)
+        return 0.0, 1.0, nx, ny, nz
+    nx, ny, nz = fx / size, fy / size, fz / size
+    k = nx * (xx * nx + 2.0 * (xy * ny + xz * nz)) + ny * (yy * ny + 2.0 * yz * nz) + zz * nz * nz
+    return size / PLACES**2, k / PLACES**2, nx, ny, nz
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def patch_yields(give, lag, force):
+    """Eq. (1): d/F of a patch with this force [m/N]; give: 1/r, lag: (1 - q) s [m]."""
+    return give + give * lag / (force * give + LIGHT / (DENSE - LIGHT) * lag + _NO_FORCE)
