@@ -295,12 +295,12 @@ def _stiffened_by_time(scene: Scene) -> list[str]:
 
 def _leaps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
     """Tools that a phase of the motion takes half through themselves in a step, as it begins."""
-    from softseam_services.orchestrator.grip import grips_by_phase
+    from softseam_services.orchestrator.grips import Grips
     from softseam_services.orchestrator.program import Program, Progress
     from softseam_services.tools.motion import tool_motion
     from softseam_services.tools.travel import beyond_middle
 
-    program = Program(scene.motion, scene.step, tools, grips_by_phase(scene, tools, [body]))
+    program = Program(scene.motion, scene.step, tools, Grips(scene, tools, [body]))
     found = []
     for phase in range(len(scene.motion)):
         command, _ = program.step(Progress(phase, 0.0), tools.position, tools.orientation)

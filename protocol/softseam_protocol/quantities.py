@@ -79,7 +79,10 @@ QUANTITIES: Table[Quantity] = Table(
         ),
         "sag": Quantity("m", "how much lower the body is than at rest, top to bottom", always=True, at_rest=0.0),
         "compression": Quantity(
-            "1", "1 - (gap between the tools that close)/(the body's width there at rest)", always=True
+            "1",
+            "how much narrower the body is between the tools that close than when all touched it, of that width",
+            always=True,
+            at_rest=0.0,
         ),
         "tip_deflection": Quantity(
             "m", "rise of the middle of the end farthest from what is fixed; negative downwards", at_rest=0.0

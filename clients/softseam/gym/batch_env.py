@@ -101,7 +101,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         self._closed, self._risen, self._count, self._base = none.copy(), none.copy(), none.copy(), none.copy()
         self._last, self._young = np.zeros((count, 2)), none.copy()
         self._start = np.zeros((count, 3))
-        self._lifting = np.zeros(count, dtype=np.bool_)
+        self._lifting, self._felt = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.bool_)
         self._over: Mask | None = None
         """episodes that ended with the last step; None before the first reset"""
 
@@ -247,7 +247,7 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         self._width[which] = (np.abs(along) * size[:, :2]).sum(axis=1)
         self._apart[which] = np.einsum("ki,ki->k", right - left, along) - box.size[0]
         self._closed[which] = self._risen[which] = self._count[which] = 0.0
-        self._last[which], self._lifting[which] = 0.0, False
+        self._last[which], self._lifting[which], self._felt[which] = 0.0, False, False
         self._base[which] = self._ground + 0.5 * size[:, 2]  # of the middle, where the pads rise at once
         self._start[which] = self._marker()[which]
 
@@ -294,7 +294,9 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
             *(*touching, *self._last.T, self._count / STEPS),
         )
         squeezed = np.maximum(1.0 - (self._apart - 2.0 * self._closed) / self._width, 0.0)
-        self._squeezed = squeezed
+        both = left.any(axis=1) & right.any(axis=1)
+        self._felt = both | (self._felt & (squeezed > 0.0))  # as `Grips` has it
+        self._squeezed = squeezed = np.where(self._felt, squeezed, 0.0)
         self._peak = np.minimum(np.nan_to_num(found.stress.astype(np.float64)), self._young)
         grip = Grip(
             lift=np.where(self._lifting, middle - self._base, 0.0),
@@ -371,6 +373,7 @@ _KEPT = (
     "last",
     "start",
     "lifting",
+    "felt",
     "over",
     "seen",
 )

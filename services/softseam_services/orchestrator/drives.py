@@ -23,7 +23,7 @@ critical on the body at rest; k, of which k_0 has a wave's impedance over a step
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +35,9 @@ from softseam_protocol.scene.tools import PlaneTool, ToolSpec
 from softseam_services.body.body import Body, Material
 from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.grip import Grip, nearest_body
+from softseam_services.orchestrator.grip import nearest_body
+from softseam_services.orchestrator.grips import Grips
+from softseam_services.orchestrator.placement import AT_REST
 from softseam_services.orchestrator.program import Progress
 
 Floats = NDArray[np.float64]
@@ -62,9 +64,8 @@ class Drive:
     phase: int
     """that began it"""
     tools: tuple[int, ...]
-    grip: Grip | None
-    way: Floats
-    """unit vector of a move (3,)"""
+    way: Floats | None
+    """unit vector of a move (3,); None of a grip"""
     asked: float
     """speed that is asked for after the phase [m/s]"""
     force: float
@@ -80,16 +81,12 @@ class Drive:
     stiffness: float
     """k_0 [N/m]"""
 
-    def direction(self, orientation: Floats) -> Floats:
-        """Unit vector along which the first tool closes (3,)."""
-        return self.way if self.grip is None else self.grip.axis_now(orientation)
-
 
 class Drives:
     """All drives of a scene's motion and their state, one row a drive."""
 
-    def __init__(self, scene: Scene, bodies: Sequence[AnyBody], grips: Mapping[int, Grip]) -> None:
-        self._dt = scene.step
+    def __init__(self, scene: Scene, bodies: Sequence[AnyBody], grips: Grips) -> None:
+        self._dt, self._grips = scene.step, grips
         self.drives = _drives(scene, bodies, grips)
         """one of a closing phase, or of a tool that moves by itself up to its limit"""
         self._last = _last_phases(scene, self.drives)
@@ -111,16 +108,20 @@ class Drives:
             if not drive.phase <= progress.phase < self._last[row]:
                 self._chosen[row] = 0.0
                 continue
-            way = drive.direction(orientation)
+            ways, tools = self._ways(drive, orientation), list(drive.tools)
             asked = drive.asked
             if drive.phase == progress.phase:
-                asked = float(command[drive.tools[0], :3] @ way)
+                asked = float(command[tools[0], :3] @ ways[0])
             speed = self._speed(row, drive, asked)
             self._chosen[row] = speed
-            change = speed - (asked if drive.phase == progress.phase else 0.0)
-            command[drive.tools[0], :3] += change * way
-            for other in drive.tools[1:]:
-                command[other, :3] -= change * way
+            command[tools, :3] += (speed - (asked if drive.phase == progress.phase else 0.0)) * ways
+
+    def _ways(self, drive: Drive, orientation: Floats) -> Floats:
+        """Unit vectors along which its tools press (n, 3)."""
+        grip = self._grips.of(drive.phase)
+        if drive.way is not None or grip is None:
+            return np.array([drive.way])
+        return grip.inward_now(orientation)
 
     def _speed(self, row: int, drive: Drive, asked: float) -> float:
         """Eq. (2) for the force that is held and for the limit, which is one for each tool; the slower counts."""
@@ -139,9 +140,7 @@ class Drives:
     def measured(self, wrench: Floats, orientation: Floats) -> None:
         """Take in what the body did to the tools (t, 6) [N, N m] in a step that `apply` was called for."""
         for row, drive in enumerate(self.drives):
-            way = drive.direction(orientation)
-            felt = [-float(wrench[drive.tools[0], :3] @ way)]
-            felt += [float(wrench[other, :3] @ way) for other in drive.tools[1:]]
+            felt = (-(wrench[list(drive.tools), :3] * self._ways(drive, orientation)).sum(axis=1)).tolist()
             largest = max(0.0, *felt)
             resistance = max(0.0, sum(felt) / len(felt)) if math.isfinite(drive.force) else largest
             state = self.state[row]
@@ -155,7 +154,7 @@ class Drives:
             state[:] = self._chosen[row], k, resistance, moved, largest
 
 
-def _drives(scene: Scene, bodies: Sequence[AnyBody], grips: Mapping[int, Grip]) -> list[Drive]:
+def _drives(scene: Scene, bodies: Sequence[AnyBody], grips: Grips) -> list[Drive]:
     """Each against the body that its tools are nearest to; against one of particles there is none."""
     names = list(scene.tools)
     closing = {name for phase in scene.motion if isinstance(phase, ClosePhase) for name in phase.tools}
@@ -167,24 +166,24 @@ def _drives(scene: Scene, bodies: Sequence[AnyBody], grips: Mapping[int, Grip]) 
             force = math.inf if phase.force is None else phase.force
             if not math.isfinite(min(force, limit)):
                 continue
-            grip = grips[number]
-            body = grip.body
-            if not isinstance(body, Body):
+            grip = grips.of(number)
+            if grip is None or not isinstance(grip.body, Body):
                 continue
-            added, added_damping = _added(body, grip.axis, grip.width, scene.step)
+            body, way = grip.body, grip.inward[0]
+            width = float(np.ptp(bounding_points(body) @ way))
+            added, added_damping = _added(body, way, width, scene.step)
             found.append(
                 Drive(
                     phase=number,
-                    tools=(grip.first, grip.second),
-                    grip=grip,
-                    way=grip.axis,
+                    tools=grip.tools,
+                    way=None,
                     asked=0.0 if phase.force is None else phase.close,
                     force=force,
                     limit=limit,
-                    mass=0.5 * sum(_mass(spec) for spec in specs),
+                    mass=sum(_mass(spec) for spec in specs) / len(specs),
                     added=added,
                     added_damping=added_damping,
-                    stiffness=_stiffness(body, grip.width, scene.step),
+                    stiffness=_stiffness(body, width, scene.step),
                 )
             )
         elif isinstance(phase, MovePhase):
@@ -194,16 +193,14 @@ def _drives(scene: Scene, bodies: Sequence[AnyBody], grips: Mapping[int, Grip]) 
                 if name in closing or not math.isfinite(_limit(spec)):
                     continue
                 assert not isinstance(spec, PlaneTool)  # it has no limit
-                body = nearest_body(bodies, np.array(spec.position))
-                if not isinstance(body, Body):
+                near = bodies[nearest_body(bodies, [AT_REST] * len(bodies), np.array(spec.position))]
+                if not isinstance(near, Body):
                     continue
-                width = float(np.ptp(bounding_points(body) @ way))
-                stiffness = _stiffness(body, width, scene.step)
-                added, added_damping = _added(body, way, width, scene.step)
+                width = float(np.ptp(bounding_points(near) @ way))
+                stiffness = _stiffness(near, width, scene.step)
+                added, added_damping = _added(near, way, width, scene.step)
                 tool, mass, limit = (names.index(name),), _mass(spec), _limit(spec)
-                found.append(
-                    Drive(number, tool, None, way, 0.0, math.inf, limit, mass, added, added_damping, stiffness)
-                )
+                found.append(Drive(number, tool, way, 0.0, math.inf, limit, mass, added, added_damping, stiffness))
     return found
 
 
@@ -212,7 +209,7 @@ def _last_phases(scene: Scene, drives: list[Drive]) -> list[int]:
     names = list(scene.tools)
     ends = []
     for drive in drives:
-        kinds = ClosePhase if drive.grip is not None else (ClosePhase, MovePhase)
+        kinds = ClosePhase if drive.way is None else (ClosePhase, MovePhase)
         mine = {names[tool] for tool in drive.tools}
         later = (
             number

@@ -13,7 +13,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.drives import Drives
-from softseam_services.orchestrator.grip import grips_by_phase
+from softseam_services.orchestrator.grips import Grips, Placed
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.orchestrator.saved_state import SavedTools
 from softseam_services.tools.motion import tool_motion
@@ -59,11 +59,12 @@ class MovingTools:
     """Poses of the tools, what they do next, and what they felt.
 
     bodies  that they touch
+    placed  where each stands
     """
 
-    def __init__(self, scene: Scene, tools: ToolSet, bodies: Sequence[AnyBody]) -> None:
+    def __init__(self, scene: Scene, tools: ToolSet, bodies: Sequence[AnyBody], placed: Placed | None = None) -> None:
         self.tools, self._dt = tools, scene.step
-        grips = grips_by_phase(scene, tools, bodies)
+        grips = Grips(scene, tools, bodies, placed)
         self._drives = Drives(scene, bodies, grips)
         self.program = Program(scene.motion, scene.step, tools, grips, self._drives.phases)
         """the scene's motion"""
@@ -73,6 +74,7 @@ class MovingTools:
     def reset(self) -> None:
         """Back to the start of the scene."""
         self._progress = Progress()
+        self.program.grips.reset()
         self._drives.reset()
         self.position = self.tools.position.copy()
         """(t, 3) [m]"""
@@ -97,7 +99,7 @@ class MovingTools:
     @property
     def met(self) -> str:
         """The closing tools where nothing is left between them, in words; '' before."""
-        return self.program.met(max(0.0, self.program.compression(self.position, self.orientation)))
+        return self.program.met(*self.poses)
 
     def next(self, velocities: Mapping[str, Sequence[float]] | None) -> Move:
         """What the tools do in the coming step: with these velocities (see `Simulation.step`), or as the scene says.
@@ -140,6 +142,8 @@ class MovingTools:
         if move.by_hand or after is None or after.phase > self._progress.phase:
             return None
         position, orientation = move.motion.position_next, move.motion.orientation_next
+        if self.program.closes_next(after, position, orientation):
+            return None  # it is looked then where the body stands
         command, progress = self.program.step(after, position, orientation)
         gripping = self.program.gripping(after, move.gripping)
         self._ahead = self._move(command, gripping, progress, (position, orientation))
@@ -152,6 +156,7 @@ class MovingTools:
         self._promised, self._ahead = self._ahead, None
         if not move.by_hand:
             self._drives.measured(wrench, self.orientation)
+        self.program.grips.step(wrench, *self.poses, move.by_hand)
         before, after, missed, unreached = self._progress, move.after, "", ""
         closing = self.program.closing_force(before, wrench, self.orientation)
         if after is None:
@@ -172,7 +177,8 @@ class MovingTools:
     def save(self) -> SavedTools:
         """All that evolves."""
         drives = self._drives.state
-        return SavedTools(self._progress, self.lifting, self.position, self.orientation, drives, self._gripping)
+        grips = self.program.grips.save()
+        return SavedTools(self._progress, self.lifting, self.position, self.orientation, drives, self._gripping, grips)
 
     def load(self, saved: SavedTools) -> None:
         """Continue from `save`. Raises ValueError, and has changed nothing, where that is of other tools."""
@@ -180,6 +186,8 @@ class MovingTools:
         orientation = saved.orientation.reshape(self.orientation.shape)
         drives = saved.drives.reshape(self._drives.state.shape)
         gripping = saved.gripping.reshape(self._gripping.shape)
+        self.program.grips.check(saved.grips)
+        self.program.grips.load(saved.grips)
         self._progress, self.lifting = saved.progress, saved.lifting
         self.position, self.orientation, self._gripping = position, orientation, gripping
         self._drives.state[:] = drives
