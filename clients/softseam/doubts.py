@@ -15,7 +15,7 @@ from softseam.odd_motion import odd_motion
 from softseam.odd_units import odd_units
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.kinds import element_warning
-from softseam_protocol.scene.motion import ClosePhase, HoldPhase, MovePhase
+from softseam_protocol.scene.motion import ClosePhase, HoldPhase, MovePhase, OpenPhase
 from softseam_protocol.scene.particles import RopeBody, SheetBody
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
@@ -330,6 +330,8 @@ def _hard_hits(scene: Scene, body: Body) -> list[str]:
         key, speed = "", 0.0
         if isinstance(phase, ClosePhase):
             key, speed = "close", phase.close
+        elif isinstance(phase, OpenPhase):
+            key, speed = "open", phase.open
         elif isinstance(phase, MovePhase):
             key, speed = "speed", phase.speed
         if speed > _HARD * slowest:

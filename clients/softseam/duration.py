@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_protocol.scene.bodies import BlockShape, BodySpec, Shape
-from softseam_protocol.scene.motion import ClosePhase, GripPhase, HoldPhase, MovePhase, ReleasePhase, TurnPhase
+from softseam_protocol.scene.motion import (
+    ClosePhase,
+    GripPhase,
+    HoldPhase,
+    MovePhase,
+    OpenPhase,
+    ReleasePhase,
+    TurnPhase,
+)
 from softseam_protocol.scene.scene import MOST_STEPS, Scene
 from softseam_protocol.scene.tools import PlaneTool, ToolSpec
 
@@ -26,6 +34,11 @@ def expected_duration(scene: Scene) -> float | None:
             total += phase.release
         elif isinstance(phase, MovePhase | TurnPhase):
             total += float(np.linalg.norm(phase.move if isinstance(phase, MovePhase) else phase.turn)) / phase.speed
+        elif isinstance(phase, OpenPhase):
+            back = phase.until.way if phase.until is not None else max(closed.get(name, 0.0) for name in phase.tools)
+            total += back / phase.open
+            for name in phase.tools:
+                closed[name] = max(0.0, closed.get(name, 0.0) - back)
         else:
             length = _closing_time(scene, phase, closed)
             if length is None:

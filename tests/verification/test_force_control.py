@@ -222,7 +222,7 @@ def test_what_short_steps_add_to_a_finger_is_damped_alike_in_all(step: float) ->
     tools, body = build_tools(spec), build_body(spec, {})
     drives = Drives(spec, [body], Grips(spec, tools, [body]))
     (drive,) = drives.drives
-    drives.state[0] = 0.0, drive.stiffness, 4.75, 0.0, 4.75
+    drives.state[0] = 0.0, drive.stiffness, 4.75, 0.0, 4.75, 0.0
     command = np.zeros((3, 6))
     drives.apply(command, Progress(1, 0.1), tools.orientation)
     modulus = 2e4 * (1 - 0.4) / ((1 + 0.4) * (1 - 2 * 0.4))

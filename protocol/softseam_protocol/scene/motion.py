@@ -34,7 +34,8 @@ class ClosePhase(Spec):
     close: Positive = Field(description="speed of each tool [m/s]; with `force`, the highest")
     until: Until
     force: Positive | None = Field(
-        default=None, description="what each presses with, also in later phases, until the two close again [N]"
+        default=None,
+        description="what each presses with, also in later phases, until they close again, open, or move apart [N]",
     )
 
     @model_validator(mode="after")
@@ -48,6 +49,20 @@ class ClosePhase(Spec):
                 "force",
             )
         return self
+
+
+class Opened(Spec):
+    """When an opening phase ends."""
+
+    way: Positive = Field(description="of each tool [m]")
+
+
+class OpenPhase(Spec):
+    """Tools that closed go back on their ways at `open` [m/s] each, and let go of a force that they hold."""
+
+    tools: tuple[str, ...] = Field(min_length=2, description="tools that an earlier phase closes, by name")
+    open: Positive = Field(description="speed of each tool [m/s]")
+    until: Opened | None = Field(default=None, description="default: where they began to close")
 
 
 class MovePhase(Spec):
@@ -101,7 +116,7 @@ class HoldPhase(Spec):
     hold: NonNegative = Field(description="[s]")
 
 
-PHASE_KEYS = ("close", "move", "turn", "grip", "release", "hold")
+PHASE_KEYS = ("close", "open", "move", "turn", "grip", "release", "hold")
 """the keys that name a phase"""
 
 
@@ -116,6 +131,7 @@ def _phase_tag(value: Any) -> str | None:
 # the tag follows from the key that names the phase, so that an error speaks of one phase, not of all
 Phase = Annotated[
     Annotated[ClosePhase, Tag("close phase")]
+    | Annotated[OpenPhase, Tag("open phase")]
     | Annotated[MovePhase, Tag("move phase")]
     | Annotated[TurnPhase, Tag("turn phase")]
     | Annotated[GripPhase, Tag("grip phase")]
@@ -125,8 +141,8 @@ Phase = Annotated[
         _phase_tag,
         custom_error_type="phase",
         custom_error_message=(
-            "a phase says what happens: close (with tools, until), move or turn (with tools, speed), grip or release "
-            "(with tools), or hold"
+            "a phase says what happens: close (with tools, until), open (with tools), move or turn (with tools, "
+            "speed), grip or release (with tools), or hold"
         ),
     ),
 ]

@@ -12,12 +12,7 @@ from softseam_protocol.quantities import QUANTITIES, QuantityName, probed
 from softseam_protocol.scene.bodies import AnyBody, BodyName, BodySpec
 from softseam_protocol.scene.consistency import check_body, check_tools
 from softseam_protocol.scene.models import ModelsSpec
-from softseam_protocol.scene.motion import (
-    LARGEST_TURN,
-    HoldPhase,
-    Phase,
-    TurnPhase,
-)
+from softseam_protocol.scene.motion import LARGEST_TURN, ClosePhase, HoldPhase, OpenPhase, Phase, TurnPhase
 from softseam_protocol.scene.regions import RegionsSpec, SeamSpec
 from softseam_protocol.scene.spec import Positive, Spec, Vector, wrong
 from softseam_protocol.scene.tools import ToolName, ToolSpec
@@ -160,6 +155,8 @@ class Scene(Spec):
                 raise wrong(f"{angle:.3g} rad a step, more than {LARGEST_TURN:g}", "motion", i, "speed")
             if not isinstance(phase, HoldPhase):
                 check_tools(self, phase.tools, "motion", i, "tools")
+            if isinstance(phase, OpenPhase):
+                self._closed_before(i, phase)
         self._bodies_are_told()
         for name in self.bodies:
             near = self.of(name).regions.near
@@ -173,6 +170,13 @@ class Scene(Spec):
         if self.duration is not None and self.duration / self.step > MOST_STEPS:
             raise wrong(f"{self.duration / self.step:.3g} steps, more than {MOST_STEPS:,}", "duration")
         return self
+
+    def _closed_before(self, number: int, phase: OpenPhase) -> None:
+        """Raise unless the tools of an opening phase were closed together by an earlier one."""
+        if any(isinstance(each, ClosePhase) and {*each.tools} == {*phase.tools} for each in self.motion[:number]):
+            return
+        told = f"no phase before this one closes {' and '.join(phase.tools)} together: close them, or move each"
+        raise wrong(told, "motion", number, "tools")
 
     def _kinds(self) -> set[str]:
         return {"cells" if isinstance(body, BodySpec) else "particles" for body in self.bodies.values()}

@@ -121,6 +121,11 @@ class Grip:
         across = way - (way * self.inward).sum(axis=1, keepdims=True) * self.inward
         return float(np.abs(across).max()) > _ASIDE * self.width
 
+    @property
+    def spread_begun(self) -> float:
+        """Eq. (1) as they began to close."""
+        return _spread(self.inward - self.inward.mean(axis=0), self.begun)
+
     def gap(self, position: Floats, orientation: Floats) -> float:
         """Clear way between them at tool poses (t, 3) [m], (t, 4)."""
         return self.spread(position, orientation) - self.thickness

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene.motion import ClosePhase
+from softseam_protocol.scene.motion import ClosePhase, OpenPhase
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.grip import Grip, nearest_body
@@ -37,11 +37,16 @@ class Grips:
         self._scene, self._tools, self._bodies = scene, tools, tuple(bodies)
         self._placed: Placed = placed or _at_rest
         index = {name: i for i, name in enumerate(tools.names)}
-        closing = ((n, phase) for n, phase in enumerate(scene.motion) if isinstance(phase, ClosePhase))
-        self._closed_by = {number: tuple(index[name] for name in phase.tools) for number, phase in closing}
+        self._of: dict[int, tuple[int, ...]] = {}
         self._at_start: dict[tuple[int, ...], Grip] = {}
-        for which in self._closed_by.values():
-            self._at_start[which] = self._found(which, tools.position, tools.orientation, _at_rest)
+        for number, phase in enumerate(scene.motion):
+            if isinstance(phase, ClosePhase):
+                which = tuple(index[name] for name in phase.tools)
+                self._of[number] = which
+                self._at_start[which] = self._found(which, tools.position, tools.orientation, _at_rest)
+            elif isinstance(phase, OpenPhase):
+                opened = {index[name] for name in phase.tools}
+                self._of[number] = next(which for which in reversed(self._at_start) if {*which} == opened)
         self.reset()
 
     def reset(self) -> None:
@@ -54,15 +59,15 @@ class Grips:
         return next(iter(self._now.values()), None)
 
     def of(self, phase: int) -> Grip | None:
-        """Of the tools that close in a phase; None where it closes none."""
-        which = self._closed_by.get(phase)
+        """Of the tools that close or open in a phase; None of others."""
+        which = self._of.get(phase)
         return None if which is None else self._now[which]
 
     def begin(self, phase: int, position: Floats, orientation: Floats) -> None:
         """A phase begins with tools at these poses (t, 3) [m], (t, 4)."""
-        which = self._closed_by.get(phase)
-        if which is None:
+        if not isinstance(self._scene.motion[phase], ClosePhase):
             return
+        which = self._of[phase]
         now = self._now[which]
         if not (now.felt and now.compression(position, orientation) > 0.0):
             self._now[which] = self._found(which, position, orientation, self._placed)

@@ -162,8 +162,11 @@ class MovingTools:
         if after is None:
             after = self.program.after(before, self.position, self.orientation, closing)
             missed = self.program.missed(before, closing) if after.phase > before.phase else ""
-        if after.phase > before.phase and not missed:
-            unreached = self.program.unreached(before, self.position, self.orientation, closing)
+        if after.phase > before.phase:
+            if not missed:
+                unreached = self.program.unreached(before, self.position, self.orientation, closing)
+            unreached = unreached or self.program.fell_short(before.phase, self._drives.short)
+            self._drives.short[:] = 0.0
         self._progress = after
         self.lifting = self.lifting or max(move.command[:, 2].tolist(), default=0.0) > 0.0
         return Moved(self.program.phase_of(before, after), after.phase > before.phase, missed, unreached)
@@ -176,21 +179,20 @@ class MovingTools:
 
     def save(self) -> SavedTools:
         """All that evolves."""
-        drives = self._drives.state
-        grips = self.program.grips.save()
+        drives, grips = self._drives.save(), self.program.grips.save()
         return SavedTools(self._progress, self.lifting, self.position, self.orientation, drives, self._gripping, grips)
 
     def load(self, saved: SavedTools) -> None:
         """Continue from `save`. Raises ValueError, and has changed nothing, where that is of other tools."""
         position = saved.position.reshape(self.position.shape)
         orientation = saved.orientation.reshape(self.orientation.shape)
-        drives = saved.drives.reshape(self._drives.state.shape)
+        drives = saved.drives.reshape(self._drives.save().shape)
         gripping = saved.gripping.reshape(self._gripping.shape)
         self.program.grips.check(saved.grips)
         self.program.grips.load(saved.grips)
         self._progress, self.lifting = saved.progress, saved.lifting
         self.position, self.orientation, self._gripping = position, orientation, gripping
-        self._drives.state[:] = drives
+        self._drives.load(drives)
         self._ahead = self._promised = None
 
     # ---- by hand

@@ -15,12 +15,21 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene.motion import ClosePhase, GripPhase, HoldPhase, MovePhase, Phase, ReleasePhase, TurnPhase
+from softseam_protocol.scene.motion import (
+    ClosePhase,
+    GripPhase,
+    HoldPhase,
+    MovePhase,
+    OpenPhase,
+    Phase,
+    ReleasePhase,
+    TurnPhase,
+)
 from softseam_services.orchestrator.force_search import ForceSearch, is_near
 from softseam_services.orchestrator.grip import Grip
 from softseam_services.orchestrator.grips import Grips
 from softseam_services.orchestrator.participants import StepFailed
-from softseam_services.orchestrator.unfinished import left_out, unreached
+from softseam_services.orchestrator.unfinished import fell_short, left_out, unreached
 from softseam_services.shapes.turns import quaternion_turning, turned
 from softseam_services.tools.kernels import rotate
 from softseam_services.tools.tool_set import ToolSet
@@ -190,6 +199,15 @@ class Program:
             return ""  # something else ended it
         return unreached(progress.phase, phase, grip.compression(position, orientation), force)
 
+    def fell_short(self, number: int, short: Floats) -> str:
+        """What to say of tools that a drive kept from some of their way in a phase (t, 3) [m]; '' of none."""
+        phase = self._phases[number]
+        if isinstance(phase, MovePhase):
+            ordered = {self._index[name]: np.array(phase.move) for name in phase.tools}
+        else:
+            return ""
+        return fell_short(number, {self._tools.names[t]: (way, -short[t]) for t, way in ordered.items()})
+
     def left_out(self, progress: Progress, position: Floats, orientation: Floats, duration: float) -> str:
         """What to say of a motion that stands here when the duration [s] of a run is over; '' where it is over, too."""
         for number in range(progress.phase, len(self._phases)):
@@ -234,6 +252,11 @@ class Program:
             return max(0.0, (phase.grip if isinstance(phase, GripPhase) else phase.release) - progress.elapsed)
         if isinstance(phase, _WAY):
             return max(0.0, self._lengths[progress.phase] / phase.speed - progress.elapsed)
+        if isinstance(phase, OpenPhase):
+            if phase.until is not None:
+                return max(0.0, phase.until.way / phase.open - progress.elapsed)
+            grip = self._grip(progress.phase)
+            return max(0.0, grip.spread_begun - grip.spread(position, orientation)) / (grip.rate * phase.open)
         bounds = [math.inf]
         if phase.until.compression is not None:
             grip = self._grip(progress.phase)
@@ -273,7 +296,7 @@ class Program:
         return min(self._dt, max(-self._dt, way / (grip.rate * phase.close)))
 
     def _grip(self, number: int) -> Grip:
-        """Of a closing phase."""
+        """Of a phase that closes or opens."""
         grip = self.grips.of(number)
         assert grip is not None
         return grip
@@ -288,7 +311,7 @@ class Program:
         phase = self._phases[number]
         if isinstance(phase, ClosePhase):
             return _ROUNDING * max(self._dt, self._grip(number).width / (2.0 * phase.close))
-        return (_ROUNDING if isinstance(phase, _WAY) else 0.5) * self._dt
+        return (_ROUNDING if isinstance(phase, (*_WAY, OpenPhase)) else 0.5) * self._dt
 
     def _waits(self, progress: Progress, way: Floats) -> bool:
         """Whether a phase waits for the next step: a force decides on it, hands open or close, or tools turn twice."""
@@ -303,9 +326,10 @@ class Program:
         if isinstance(phase, MovePhase):
             return phase.speed * duration / self._lengths[number] * self._moves[number]
         way = np.zeros((len(position), 6))
-        if isinstance(phase, ClosePhase):
+        if isinstance(phase, ClosePhase | OpenPhase):
             grip = self._grip(number)
-            way[list(grip.tools), :3] = phase.close * duration * grip.inward_now(orientation)
+            speed = phase.close if isinstance(phase, ClosePhase) else -phase.open
+            way[list(grip.tools), :3] = speed * duration * grip.inward_now(orientation)
         elif isinstance(phase, TurnPhase):
             rotation = phase.speed * duration / self._lengths[number] * np.array(phase.turn)
             turn = quaternion_turning(rotation)

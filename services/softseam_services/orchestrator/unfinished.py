@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from softseam_protocol.scene.motion import ClosePhase, Phase
+
+Floats = NDArray[np.float64]
 
 _HELD = 0.9
 """of the force that a phase is to hold, from which on its tools have taken hold"""
 _NEAR = 0.98
 """of the force or squeeze that is to end a phase, from which on it was reached"""
+_SHORT, _SHORTEST = 0.01, 1e-4
+"""of a way, and [m], both of which a tool must lack to be told of"""
 
 
 def unreached(number: int, phase: Phase, compression: float, force: float) -> str:
@@ -35,6 +42,22 @@ def unreached(number: int, phase: Phase, compression: float, force: float) -> st
         f"motion[{number}]: its until.time of {until.time:g} s ended it with {', and '.join(short)}: give {tools} more "
         "time, or more speed, or let them begin nearer to the body"
     )
+
+
+def fell_short(number: int, tools: Mapping[str, tuple[Floats, Floats]]) -> str:
+    """What to say of a phase whose tools were held up on their ways, with the remedy; '' where none was.
+
+    tools  by name, the way that was ordered and what of it a drive left (3,) [m]
+    """
+    told = []
+    for name, (way, short) in tools.items():
+        length = float(np.linalg.norm(way))
+        lacking = float(short @ way) / length
+        if lacking > max(_SHORT * length, _SHORTEST):
+            told.append(f"{name} went {1e3 * (length - lacking):.1f} of {1e3 * length:.1f} mm")
+    if not told:
+        return ""
+    return f"motion[{number}]: {' and '.join(told)}, held up at the force_limit: raise it, or move clear of the body"
 
 
 def left_out(phases: Sequence[Phase], number: int, begun: bool, duration: float) -> str:

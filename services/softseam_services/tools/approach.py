@@ -5,8 +5,8 @@ thesis, Berkeley 1996, section 2.3). The distance is the least over the triangle
 convex its signed distance g is, too, and on a triangle with corners c_i
   g(x) >= g(p) + grad g(p) . (x - p) >= min_i [g(p) + grad g(p) . (c_i - p)]                                     (1)
 for any p, here its corners and its centroid. Triangles whose bound is above the least value found are left, the others
-are divided. So it is the same whatever triangles a surface is made of. Where a face meets a face, that place counts which is
-nearest to the line of the tool's position.
+are divided. So it is the same whatever triangles a surface is made of. Where faces meet, that place
+counts which is nearest to the line of the tool's position.
 """
 
 from __future__ import annotations

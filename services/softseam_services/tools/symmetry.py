@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene.motion import ClosePhase, MovePhase, TurnPhase
+from softseam_protocol.scene.motion import ClosePhase, MovePhase, OpenPhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.symmetry import SAME, SymmetryPlane, asymmetric, symmetry_plane
@@ -63,7 +63,7 @@ def _check_motion(scene: Scene, plane: SymmetryPlane, image: NDArray[np.int32]) 
     """Raise SettingError, naming the phase, where the motion does not move images (t,) as images."""
     names, e = tuple(scene.tools), plane.axis
     for i, phase in enumerate(scene.motion):
-        if not isinstance(phase, ClosePhase | MovePhase | TurnPhase):
+        if not isinstance(phase, ClosePhase | OpenPhase | MovePhase | TurnPhase):
             continue
         moved = {names.index(name) for name in phase.tools}
         if lone := sorted(names[t] for t in moved if int(image[t]) not in moved):
