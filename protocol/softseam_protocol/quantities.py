@@ -47,14 +47,14 @@ QUANTITIES: Table[Quantity] = Table(
     {
         "grip_force": Quantity(
             "N",
-            "mean force on the tools that close, along the line between them",
+            "mean force on the tools that close, against the ways on which they do",
             always=True,
             at_rest=0.0,
             group="grip",
         ),
         "lift_height": Quantity(
             "m",
-            "how far the centre of mass has risen since a tool first moved up; without gravity the lowest point",
+            "how far the centre of mass has risen since tools that touch it moved up; without gravity the lowest point",
             always=True,
             at_rest=0.0,
             group="grip",

@@ -256,11 +256,13 @@ class BatchEnv(VectorEnv[Numbers, Numbers, Any]):
         close, rise = (SPEED * taken).T
         close, rise = np.maximum(close, -self._closed / ACT), np.maximum(rise, -self._risen / ACT)
         self._closed, self._risen = self._closed + close * ACT, self._risen + rise * ACT
-        self._last, self._lifting = taken, self._lifting | (self._risen > 0.0)
+        self._last = taken
         way = np.zeros((self.num_envs, len(self._tools), 3))
         for pad, side in zip(self._pads, (1.0, -1.0), strict=True):
             way[:, pad, :2], way[:, pad, 2] = side * (close * ACT)[:, None] * self._along, rise * ACT
         found = self._found = self._batch.step(way)
+        felt = np.any([found.force[:, pad].any(axis=1) for pad in self._pads], axis=0)
+        self._lifting |= felt & (rise > 0.0)
         together = found.stress + found.middle.sum(axis=1) + found.force.sum(axis=(1, 2))
         return np.asarray(np.isfinite(together) & (found.least_j > 0.0) & (found.stress <= self._young))
 

@@ -78,6 +78,11 @@ class MovePhase(Spec):
             raise wrong("a move of zero length: use hold to wait", "move")
         return self
 
+    @property
+    def ways(self) -> dict[str, Vector]:
+        """What each tool is moved by [m]."""
+        return dict.fromkeys(self.tools, self.move)
+
 
 class TurnPhase(Spec):
     """Tools turn together by `turn` at `speed`, as one rigid body, about a point."""

@@ -82,7 +82,7 @@ class MovingTools:
         """unit quaternions w, x, y, z (t, 4)"""
         self._gripping = np.zeros(len(self.tools.names), dtype=np.int8)
         self.lifting = False
-        """whether a tool has risen"""
+        """whether a tool has risen that touched a body"""
         self._ahead: Move | None = None  # after the step at hand, and
         self._promised: Move | None = None  # after the one that was taken
 
@@ -168,7 +168,7 @@ class MovingTools:
             unreached = unreached or self.program.fell_short(before.phase, self._drives.short)
             self._drives.short[:] = 0.0
         self._progress = after
-        self.lifting = self.lifting or max(move.command[:, 2].tolist(), default=0.0) > 0.0
+        self.lifting = self.lifting or bool((wrench[:, :3].any(axis=1) & (move.command[:, 2] > 0.0)).any())
         return Moved(self.program.phase_of(before, after), after.phase > before.phase, missed, unreached)
 
     def left_out(self, duration: float) -> str:

@@ -81,7 +81,7 @@ class SavedTools:
 
     progress: Progress
     lifting: bool
-    """whether a tool has risen"""
+    """whether a tool has risen that touched a body"""
     position: Floats
     """(t, 3) [m]"""
     orientation: Floats
