@@ -33,7 +33,7 @@ def expected_duration(scene: Scene) -> float | None:
         elif isinstance(phase, ReleasePhase):
             total += phase.release
         elif isinstance(phase, MovePhase | TurnPhase):
-            total += float(np.linalg.norm(phase.move if isinstance(phase, MovePhase) else phase.turn)) / phase.speed
+            total += (phase.length if isinstance(phase, MovePhase) else float(np.linalg.norm(phase.turn))) / phase.speed
         elif isinstance(phase, OpenPhase):
             back = phase.until.way if phase.until is not None else max(closed.get(name, 0.0) for name in phase.tools)
             total += back / phase.open
@@ -77,6 +77,8 @@ def _shape_between(scene: Scene, first: ToolSpec, second: ToolSpec) -> Shape | N
 def _closing_time(scene: Scene, phase: ClosePhase, closed: dict[str, float]) -> float | None:
     """Length of a closing phase [s]; `closed` is how far each tool has approached the other before [m]."""
     bounds = [] if phase.until.time is None else [phase.until.time]
+    if len(phase.tools) > 2 or phase.about is not None:
+        return min(bounds, default=None)
     first, second = (scene.tools[name] for name in phase.tools)
     shape = _shape_between(scene, first, second)
     if (

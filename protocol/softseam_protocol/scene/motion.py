@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from softseam_protocol.scene.spec import NonNegative, Positive, Spec, Vector, wrong
 
@@ -28,10 +28,13 @@ class Until(Spec):
 
 
 class ClosePhase(Spec):
-    """Two tools approach each other at `close` [m/s] each; with `force`, they hold that force from then on."""
+    """Tools approach one another at `close` [m/s] each; with `force`, they hold that force from then on."""
 
-    tools: tuple[str, str] = Field(description="the two tools, by name")
+    tools: tuple[str, ...] = Field(min_length=2, description="two tools or more, by name")
     close: Positive = Field(description="speed of each tool [m/s]; with `force`, the highest")
+    about: Vector | None = Field(
+        default=None, description="point that all approach [m]; default: the middle of their positions"
+    )
     until: Until
     force: Positive | None = Field(
         default=None,
@@ -39,9 +42,10 @@ class ClosePhase(Spec):
     )
 
     @model_validator(mode="after")
-    def _two(self) -> ClosePhase:
-        if self.tools[0] == self.tools[1]:
-            raise wrong(f"{self.tools[0]!r} cannot close on itself: name two tools", "tools", 1)
+    def _closes(self) -> ClosePhase:
+        for i, name in enumerate(self.tools):
+            if name in self.tools[:i]:
+                raise wrong(f"{name!r} is named twice, and cannot close on itself: name each once", "tools", i)
         if self.force is not None and self.until.force is not None and self.until.force > 0.99 * self.force:
             raise wrong(
                 f"{self.until.force:g} N is not reached where {self.force:g} N is held: at most 99 % of it",
@@ -66,22 +70,44 @@ class OpenPhase(Spec):
 
 
 class MovePhase(Spec):
-    """Tools move together by `move` [m] at `speed` [m/s]."""
+    """Tools move together by `move` [m] at `speed` [m/s], or each by a vector of its own."""
 
-    tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
-    move: Vector = Field(description="displacement [m]")
-    speed: Positive = Field(description="[m/s]")
+    move: Annotated[
+        Annotated[Vector, Tag("one way")] | Annotated[dict[str, Vector], Tag("own ways")],
+        Discriminator(lambda move: "own ways" if isinstance(move, dict) else "one way"),
+    ] = Field(description="displacement [m]; or those of tools by name, which all arrive together")
+    tools: tuple[str, ...] = Field(
+        default=(), validate_default=True, description="tools, by name; left out where `move` names them"
+    )
+    speed: Positive = Field(description="of the tool that goes farthest [m/s]")
+
+    @field_validator("tools")
+    @classmethod
+    def _named(cls, tools: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        move = info.data.get("move", {})
+        if isinstance(move, dict):
+            return tools or tuple(move)
+        if not tools:
+            raise wrong("too few tools: name those that move in `tools`, or with their own vectors in `move`")
+        return tools
 
     @model_validator(mode="after")
     def _somewhere(self) -> MovePhase:
-        if math.hypot(*self.move) < 1e-12:
+        if isinstance(self.move, dict) and self.tools != tuple(self.move):
+            raise wrong("`move` names the tools: leave `tools` out", "tools")
+        if self.length < 1e-12:
             raise wrong("a move of zero length: use hold to wait", "move")
         return self
 
     @property
     def ways(self) -> dict[str, Vector]:
         """What each tool is moved by [m]."""
-        return dict.fromkeys(self.tools, self.move)
+        return self.move if isinstance(self.move, dict) else dict.fromkeys(self.tools, self.move)
+
+    @property
+    def length(self) -> float:
+        """Of the longest way [m]."""
+        return max((math.hypot(*way) for way in self.ways.values()), default=0.0)
 
 
 class TurnPhase(Spec):

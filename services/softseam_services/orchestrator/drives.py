@@ -134,7 +134,7 @@ class Drives:
         moving = self._motion[phase] if phase < len(self._motion) else None
         if drive.way is not None or not isinstance(moving, MovePhase | TurnPhase):
             return False
-        if {*drive.tools} <= {self._index[name] for name in moving.tools}:
+        if isinstance(moving, TurnPhase) and {*drive.tools} <= {self._index[name] for name in moving.tools}:
             return False
         uneven = ways - ways.mean(axis=0)
         return abs(float((uneven * velocity).sum())) > _APART * float(np.abs(velocity).max())
@@ -221,11 +221,11 @@ def _drives(scene: Scene, bodies: Sequence[AnyBody], grips: Grips) -> list[Drive
                 )
             )
         elif isinstance(phase, MovePhase):
-            way = np.array(phase.move) / np.linalg.norm(phase.move)
-            for name in phase.tools:
+            for name, move in phase.ways.items():
                 spec = scene.tools[name]
-                if name in closing or not math.isfinite(_limit(spec)):
+                if name in closing or not math.isfinite(_limit(spec)) or not any(move):
                     continue
+                way = np.array(move) / np.linalg.norm(move)
                 assert not isinstance(spec, PlaneTool)  # it has no limit
                 near = bodies[nearest_body(bodies, [AT_REST] * len(bodies), np.array(spec.position))]
                 if not isinstance(near, Body):

@@ -67,10 +67,12 @@ class Grip:
         placement: Placement,
         position: Floats,
         orientation: Floats,
+        about: Sequence[float] | None = None,
     ) -> Grip:
-        """Of tools with poses (t, 3) [m], (t, 4) on a body that stands there."""
+        """Of tools with poses (t, 3) [m], (t, 4) that close on a body that stands there, about their middle or a point
+        (3,) [m]."""
         index = list(which)
-        inward = _inward(tools, index, position, orientation)
+        inward = _inward(tools, index, position, orientation, about)
         uneven = inward - inward.mean(axis=0)
         points = placement.of(bounding_points(body))
         corners, radius = placement.of(_corners(body)), 0.0 if isinstance(body, Body) else body.radius
@@ -131,17 +133,19 @@ class Grip:
         return self.spread(position, orientation) - self.thickness
 
 
-def _inward(tools: ToolSet, which: Sequence[int], position: Floats, orientation: Floats) -> Floats:
-    """Unit vectors (n, 3): of a plane and another along the plane's normal, else towards each other's middle."""
-    for plane, other in ((0, 1), (1, 0)):
-        if len(which) == 2 and tools.kind[which[plane]] == PLANE:
-            normal = np.array(rotate(orientation[which[plane]], *tools.shape[which[plane], :3]))
-            found = np.empty((2, 3))
-            found[plane], found[other] = normal, -normal
-            return found
-    middle = position[list(which)].mean(axis=0)
-    ways = middle - position[list(which)]
-    return np.asarray(ways / np.linalg.norm(ways, axis=1, keepdims=True))
+def _inward(
+    tools: ToolSet, which: Sequence[int], position: Floats, orientation: Floats, about: Sequence[float] | None
+) -> Floats:
+    """Unit vectors (n, 3): of planes their normals, of one that closes on a plane the opposite, of others those to the
+    point or their middle."""
+    planes = tools.kind[which] == PLANE
+    normals = np.array([rotate(orientation[i], *tools.shape[i, :3]) for i in which])
+    if about is None and len(which) == 2 and planes.any():
+        return np.where(planes[:, None], normals, -normals[::-1])
+    middle = position[which][~planes].mean(axis=0) if about is None else np.array(about)
+    ways = middle - position[which]
+    length = np.linalg.norm(ways, axis=1, keepdims=True)
+    return np.where(planes[:, None], normals, ways / np.where(length > 0.0, length, 1.0))
 
 
 def _corners(body: AnyBody) -> Floats:

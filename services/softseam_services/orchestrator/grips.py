@@ -43,7 +43,9 @@ class Grips:
             if isinstance(phase, ClosePhase):
                 which = tuple(index[name] for name in phase.tools)
                 self._of[number] = which
-                self._at_start[which] = self._found(which, tools.position, tools.orientation, _at_rest)
+                if which not in self._at_start:
+                    grip = self._found(which, tools.position, tools.orientation, _at_rest, phase.about)
+                    self._at_start[which] = grip
             elif isinstance(phase, OpenPhase):
                 opened = {index[name] for name in phase.tools}
                 self._of[number] = next(which for which in reversed(self._at_start) if {*which} == opened)
@@ -65,12 +67,13 @@ class Grips:
 
     def begin(self, phase: int, position: Floats, orientation: Floats) -> None:
         """A phase begins with tools at these poses (t, 3) [m], (t, 4)."""
-        if not isinstance(self._scene.motion[phase], ClosePhase):
+        closing = self._scene.motion[phase]
+        if not isinstance(closing, ClosePhase):
             return
         which = self._of[phase]
         now = self._now[which]
         if not (now.felt and now.compression(position, orientation) > 0.0):
-            self._now[which] = self._found(which, position, orientation, self._placed)
+            self._now[which] = self._found(which, position, orientation, self._placed, closing.about)
 
     def step(self, wrench: Floats, position: Floats, orientation: Floats, by_hand: bool) -> None:
         """Take in what tools at these poses felt in a step (t, 6) [N, N m]; by_hand: in which nobody closed them by a
@@ -98,15 +101,23 @@ class Grips:
         found.reset()
         return found
 
-    def _found(self, which: tuple[int, ...], position: Floats, orientation: Floats, placed: Placed) -> Grip:
+    def _found(
+        self,
+        which: tuple[int, ...],
+        position: Floats,
+        orientation: Floats,
+        placed: Placed,
+        about: tuple[float, ...] | None = None,
+    ) -> Grip:
         placements = [placed(body) for body in self._bodies]
         start = self._at_start.get(which)
-        if start is not None and all(each is AT_REST for each in placements):
+        if start is not None and about is None and all(each is AT_REST for each in placements):
             tools = self._tools
             if np.array_equal(position, tools.position) and np.array_equal(orientation, tools.orientation):
                 return start
         number = nearest_body(self._bodies, placements, position[list(which)].mean(axis=0))
-        return Grip.build(self._tools, which, self._bodies[number], placements[number], position, orientation)
+        body, stands = self._bodies[number], placements[number]
+        return Grip.build(self._tools, which, body, stands, position, orientation, about)
 
     # ---- snapshots
 

@@ -79,7 +79,7 @@ class Program:
         self._searches = {number: force for number, force in self._ends().items() if number not in driven}
         """forces that end phases [N], where no drive has its say"""
         self._lengths = {
-            number: math.hypot(*(phase.move if isinstance(phase, MovePhase) else phase.turn))
+            number: phase.length if isinstance(phase, MovePhase) else math.hypot(*phase.turn)
             for number, phase in enumerate(phases)
             if isinstance(phase, _WAY)
         }
@@ -203,7 +203,7 @@ class Program:
         """What to say of tools that a drive kept from some of their way in a phase (t, 3) [m]; '' of none."""
         phase = self._phases[number]
         if isinstance(phase, MovePhase):
-            ordered = {self._index[name]: np.array(phase.move) for name in phase.tools}
+            ordered = {self._index[name]: np.array(way) for name, way in phase.ways.items() if any(way)}
         else:
             return ""
         return fell_short(number, {self._tools.names[t]: (way, -short[t]) for t, way in ordered.items()})
@@ -344,7 +344,7 @@ class Program:
     def _all_of(self, phase: MovePhase) -> Floats:
         """What a move does to the tools, as above."""
         way = np.zeros((len(self._index), 6))
-        way[[self._index[name] for name in phase.tools], :3] = phase.move
+        way[[self._index[name] for name in phase.ways], :3] = list(phase.ways.values())
         return way
 
 
