@@ -33,7 +33,7 @@ def expected_duration(scene: Scene) -> float | None:
         elif isinstance(phase, ReleasePhase):
             total += phase.release
         elif isinstance(phase, MovePhase | TurnPhase):
-            total += (phase.length if isinstance(phase, MovePhase) else float(np.linalg.norm(phase.turn))) / phase.speed
+            total += phase.ramp.time
         elif isinstance(phase, OpenPhase):
             back = phase.until.way if phase.until is not None else max(closed.get(name, 0.0) for name in phase.tools)
             total += back / phase.open

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
+from softseam_protocol.scene.ramp import Ramp
 from softseam_protocol.scene.spec import NonNegative, Positive, Spec, Vector, wrong
 
 LARGEST_TURN = 0.5
@@ -80,6 +81,9 @@ class MovePhase(Spec):
         default=(), validate_default=True, description="tools, by name; left out where `move` names them"
     )
     speed: Positive = Field(description="of the tool that goes farthest [m/s]")
+    acceleration: Positive | None = Field(
+        default=None, description="most with which it speeds up and slows down, smoothly; default: at once [m/s^2]"
+    )
 
     @field_validator("tools")
     @classmethod
@@ -109,6 +113,11 @@ class MovePhase(Spec):
         """Of the longest way [m]."""
         return max((math.hypot(*way) for way in self.ways.values()), default=0.0)
 
+    @property
+    def ramp(self) -> Ramp:
+        """How far that tool is after which time."""
+        return Ramp(self.length, self.speed, self.acceleration)
+
 
 class TurnPhase(Spec):
     """Tools turn together by `turn` at `speed`, as one rigid body, about a point."""
@@ -116,6 +125,9 @@ class TurnPhase(Spec):
     tools: tuple[str, ...] = Field(min_length=1, description="tools, by name")
     turn: Vector = Field(description="axis times angle [rad]")
     speed: Positive = Field(description="angular speed [rad/s]")
+    acceleration: Positive | None = Field(
+        default=None, description="most with which it speeds up and slows down, smoothly; default: at once [rad/s^2]"
+    )
     about: Vector | None = Field(
         default=None, description="centre of the turn [m]; default: the middle of the tools' positions"
     )
@@ -125,6 +137,11 @@ class TurnPhase(Spec):
         if math.hypot(*self.turn) < 1e-12:
             raise wrong("a turn by no angle: use hold to wait", "turn")
         return self
+
+    @property
+    def ramp(self) -> Ramp:
+        """By which angle tools have turned after which time."""
+        return Ramp(math.hypot(*self.turn), self.speed, self.acceleration)
 
 
 class GripPhase(Spec):

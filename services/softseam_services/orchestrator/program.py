@@ -78,12 +78,8 @@ class Program:
         """phases that take whole steps"""
         self._searches = {number: force for number, force in self._ends().items() if number not in driven}
         """forces that end phases [N], where no drive has its say"""
-        self._lengths = {
-            number: phase.length if isinstance(phase, MovePhase) else math.hypot(*phase.turn)
-            for number, phase in enumerate(phases)
-            if isinstance(phase, _WAY)
-        }
-        """ways of moves [m] and angles of turns [rad], by phase"""
+        self._ramps = {number: phase.ramp for number, phase in enumerate(phases) if isinstance(phase, _WAY)}
+        """how far moves [m] and turns [rad] are after which time, by phase"""
         self._moves = {
             number: self._all_of(phase) for number, phase in enumerate(phases) if isinstance(phase, MovePhase)
         }
@@ -137,10 +133,10 @@ class Program:
             duration = min(self._dt, self._left(progress, position, orientation))
             if progress.phase in self._searches:
                 duration = min(duration, self._to_force(progress, position, orientation))
-            return self._way(progress.phase, duration, position, orientation) / self._dt, None
+            return self._way(progress, duration, position, orientation) / self._dt, None
         rest, tick = self._dt, _ROUNDING * self._dt
         if self._left(progress, position, orientation) > rest + tick:
-            way = self._way(progress.phase, rest, position, orientation)
+            way = self._way(progress, rest, position, orientation)
             return way / self._dt, Progress(progress.phase, progress.elapsed + rest)
         way = np.zeros((len(position), 6))
         while rest > tick and not self.done(progress):
@@ -148,7 +144,7 @@ class Program:
                 break
             left = self._left(progress, position, orientation)
             duration = min(left, rest)
-            part = self._way(progress.phase, duration, position, orientation)
+            part = self._way(progress, duration, position, orientation)
             way += part
             rest -= duration
             if left > duration + tick:
@@ -236,7 +232,7 @@ class Program:
             length = planned._left(Progress(number), position, orientation)
             if math.isinf(length):
                 return None
-            way = planned._way(number, length, position, orientation)
+            way = planned._way(Progress(number), length, position, orientation)
             position, orientation = _moved(way, position, orientation)
             total += length
         return total
@@ -251,7 +247,7 @@ class Program:
         if isinstance(phase, _HANDS):
             return max(0.0, (phase.grip if isinstance(phase, GripPhase) else phase.release) - progress.elapsed)
         if isinstance(phase, _WAY):
-            return max(0.0, self._lengths[progress.phase] / phase.speed - progress.elapsed)
+            return max(0.0, self._ramps[progress.phase].time - progress.elapsed)
         if isinstance(phase, OpenPhase):
             if phase.until is not None:
                 return max(0.0, phase.until.way / phase.open - progress.elapsed)
@@ -320,18 +316,18 @@ class Program:
             return True
         return progress.phase in self._whole or isinstance(phase, _HANDS)
 
-    def _way(self, number: int, duration: float, position: Floats, orientation: Floats) -> Floats:
+    def _way(self, progress: Progress, duration: float, position: Floats, orientation: Floats) -> Floats:
         """What a phase does to the tools in a time [s], from poses (t, 3) [m], (t, 4): (t, 6) [m, rad]."""
-        phase = self._phases[number]
+        number, phase = progress.phase, self._phases[progress.phase]
         if isinstance(phase, MovePhase):
-            return phase.speed * duration / self._lengths[number] * self._moves[number]
+            return self._share(progress, duration) * self._moves[number]
         way = np.zeros((len(position), 6))
         if isinstance(phase, ClosePhase | OpenPhase):
             grip = self._grip(number)
             speed = phase.close if isinstance(phase, ClosePhase) else -phase.open
             way[list(grip.tools), :3] = speed * duration * grip.inward_now(orientation)
         elif isinstance(phase, TurnPhase):
-            rotation = phase.speed * duration / self._lengths[number] * np.array(phase.turn)
+            rotation = self._share(progress, duration) * np.array(phase.turn)
             turn = quaternion_turning(rotation)
             tools = [self._index[name] for name in phase.tools]
             centre = position[tools].mean(axis=0) if phase.about is None else np.array(phase.about)
@@ -340,6 +336,11 @@ class Program:
                 way[tool, :3] = np.array(rotate(turn, *arm)) - arm
                 way[tool, 3:] = rotation
         return way
+
+    def _share(self, progress: Progress, duration: float) -> float:
+        """Of a move or turn, what of it is done in a time [s]."""
+        ramp = self._ramps[progress.phase]
+        return (ramp.gone(progress.elapsed + duration) - ramp.gone(progress.elapsed)) / ramp.length
 
     def _all_of(self, phase: MovePhase) -> Floats:
         """What a move does to the tools, as above."""
