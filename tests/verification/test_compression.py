@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
@@ -14,6 +15,7 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
 STEP, SQUEEZE = 0.02, 0.15
+DAMPED = {"young": 2e4, "poisson": 0.4, "density": 1000, "retardation_time": 0.01}
 PLATE = {"kind": "box", "size": [0.01, 0.08, 0.05]}
 # a wedge that points along +x, and its image
 WEDGE = "v -10 -10 -10\nv -10 10 -10\nv -10 10 10\nv -10 -10 10\nv 10 0 -10\nv 10 0 10\n" + (
@@ -55,7 +57,7 @@ def scene(tools: list[dict[str, Any]], motion: list[dict[str, Any]], **changes: 
             "shape": {"kind": "block", "size": [0.04, 0.04, 0.04]},
             "cell": 0.02,
             "fixed": [{"min": [-1, -1, -1], "max": [1, 1, 0.001]}],  # else turned plates turn it
-            "material": {"young": 2e4, "poisson": 0.4, "density": 1000, "retardation_time": 0.01},
+            "material": DAMPED,
         },
         "tools": {
             name: {**tool, "friction": 0.5} for name, tool in zip(("left", "right", "third"), tools, strict=False)
@@ -67,7 +69,7 @@ def scene(tools: list[dict[str, Any]], motion: list[dict[str, Any]], **changes: 
     return Scene.model_validate({**document, **changes})
 
 
-def run(of: Scene, files: dict[str, bytes] | None = None) -> list[StepReport]:
+def run(of: Scene, files: dict[str, bytes] | None = None, told: list[str] | None = None) -> list[StepReport]:
     given = {"wedge.obj": WEDGE.encode(), **(files or {})}
     named = {name: given[name] for name in given if name in of.model_dump_json()}
     simulation = Simulation(bundle_scene(of, named), EmbeddedTransport())
@@ -75,6 +77,8 @@ def run(of: Scene, files: dict[str, bytes] | None = None) -> list[StepReport]:
     while not simulation.done:
         reports.append(simulation.step())
         assert len(reports) < 300
+    if told is not None:
+        told += [event.message for event in simulation.events if event.kind is EventKind.NOT_DONE]
     simulation.close()
     return reports
 
@@ -84,7 +88,9 @@ CLOSE = {"tools": ["left", "right"], "close": 0.02, "until": {"compression": SQU
 
 @pytest.mark.parametrize("pair", PAIRS)
 def test_nothing_is_squeezed_before_both_touch_and_the_phase_ends_at_its_squeeze(pair: str) -> None:
-    reports = run(scene(PAIRS[pair], [CLOSE, {"hold": 2 * STEP}]))
+    not_done: list[str] = []
+    reports = run(scene(PAIRS[pair], [CLOSE, {"hold": 2 * STEP}]), told=not_done)
+    assert not_done == []
     felt = [bool(report.wrench[0].any() and report.wrench[1].any()) for report in reports]
     told = [report.quantities["compression"] for report in reports]
     assert not felt[0] and felt[-1]
@@ -136,7 +142,7 @@ def test_a_waist_counts_as_a_waist() -> None:
     body = {
         "shape": {"kind": "mesh", "path": "waist.obj"},
         "cell": 0.01,
-        "material": {"young": 2e4, "poisson": 0.4, "density": 1000, "retardation_time": 0.01},
+        "material": DAMPED,
     }
     reports = run(scene(fingers, [CLOSE], body=body), {"waist.obj": waisted.encode()})
     # a ball rests in the notch of 2 atan(3/1), which its own centre is off by r/sin(half of it) from
@@ -156,7 +162,7 @@ def test_a_body_that_was_carried_away_is_gripped_where_it_is() -> None:
         "shape": {"kind": "block", "size": [0.04, 0.04, 0.04]},
         "cell": 0.02,
         "damping": 5.0,
-        "material": {"young": 2e4, "poisson": 0.4, "density": 1000, "retardation_time": 0.01},
+        "material": DAMPED,
     }
     motion = [closed, aside, *wide, {"hold": 0.2}, closed, {"hold": 0.04}]
     reports = run(scene(plates, motion, body=free))
@@ -166,3 +172,12 @@ def test_a_body_that_was_carried_away_is_gripped_where_it_is() -> None:
     assert reports[-1].quantities["grip_force"] == pytest.approx(
         next(report for report in reports if report.phase == 1).quantities["grip_force"], rel=0.1
     )
+
+
+def test_a_body_that_turns_instead_is_told_of() -> None:
+    """Free between plates turned by 15 degrees, it turns flush with them first; between straight ones it does not."""
+    free = {"shape": {"kind": "block", "size": [0.04, 0.04, 0.04]}, "cell": 0.02, "material": DAMPED}
+    for pair, turns in (("turned plates", True), ("straight plates", False)):
+        told: list[str] = []
+        run(scene(PAIRS[pair], [CLOSE, {"hold": 2 * STEP}], body=free), told=told)
+        assert [f"motion[0] ends at a compression of {SQUEEZE:g}" in text for text in told] == [True] * turns, told

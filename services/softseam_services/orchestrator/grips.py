@@ -94,6 +94,11 @@ class Grips:
         now = self.first
         return max(0.0, now.compression(position, orientation)) if now is not None and now.felt else 0.0
 
+    def as_it_stands(self, phase: int, position: Floats, orientation: Floats) -> float:
+        """Compression of the body between the tools of a phase, undeformed, but moved and turned as it is now [1]."""
+        found = self._found(self._of[phase], position, orientation, self._placed)
+        return found.compression(position, orientation)
+
     def fresh(self) -> Grips:
         """The same at the start, with bodies that stay at rest."""
         found = copy(self)

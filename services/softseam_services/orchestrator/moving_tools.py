@@ -49,6 +49,8 @@ class Moved:
     phase: int
     """in which the step ends, or -1"""
     phase_ends: bool
+    ended: int
+    """which phase it was"""
     missed: str
     """what to say of a phase that ends off its force; '' of others"""
     unreached: str
@@ -169,7 +171,12 @@ class MovingTools:
             self._drives.short[:] = 0.0
         self._progress = after
         self.lifting = self.lifting or bool((wrench[:, :3].any(axis=1) & (move.command[:, 2] > 0.0)).any())
-        return Moved(self.program.phase_of(before, after), after.phase > before.phase, missed, unreached)
+        ends = after.phase > before.phase
+        return Moved(self.program.phase_of(before, after), ends, before.phase, missed, unreached)
+
+    def turned_away(self, phase: int) -> str:
+        """What to say of a body that turned between tools in a phase that has just ended; '' of others."""
+        return self.program.turned_away(phase, *self.poses)
 
     def left_out(self, duration: float) -> str:
         """What to say of the motion as it stands when the duration [s] of a run is over; '' where it is over, too."""

@@ -29,7 +29,7 @@ from softseam_services.orchestrator.force_search import ForceSearch, is_near
 from softseam_services.orchestrator.grip import Grip
 from softseam_services.orchestrator.grips import Grips
 from softseam_services.orchestrator.participants import StepFailed
-from softseam_services.orchestrator.unfinished import fell_short, left_out, unreached
+from softseam_services.orchestrator.unfinished import fell_short, left_out, turned_away, unreached
 from softseam_services.shapes.turns import quaternion_turning, turned
 from softseam_services.tools.kernels import rotate
 from softseam_services.tools.tool_set import ToolSet
@@ -194,6 +194,17 @@ class Program:
         if progress.elapsed + self._dt < phase.until.time * (1.0 - _ROUNDING):
             return ""  # something else ended it
         return unreached(progress.phase, phase, grip.compression(position, orientation), force)
+
+    def turned_away(self, number: int, position: Floats, orientation: Floats) -> str:
+        """What to say of a phase that ended at its compression with tools at these poses, where the body turned between
+        them instead; '' of others."""
+        phase = self._phases[number]
+        if not isinstance(phase, ClosePhase) or phase.until.compression is None:
+            return ""
+        told = self._grip(number).compression(position, orientation)
+        if told < phase.until.compression * (1.0 - _ROUNDING):
+            return ""
+        return turned_away(number, phase, told, self.grips.as_it_stands(number, position, orientation))
 
     def fell_short(self, number: int, short: Floats) -> str:
         """What to say of tools that a drive kept from some of their way in a phase (t, 3) [m]; '' of none."""

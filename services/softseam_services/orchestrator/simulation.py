@@ -333,6 +333,8 @@ class Simulation:
             self._event("force", f"step {at}: {moved.missed}")
         if moved.unreached:
             self._event("not_done", f"step {at}: {moved.unreached}")
+        if moved.phase_ends and (turned := self._told(partial(self._moving.turned_away, moved.ended))):
+            self._event("not_done", f"step {at}: {turned}")
         self._warnings.follow(at, move.too_far, self._moving.met)
 
     def _tell_not_done(self, by_hand: bool) -> None:

@@ -15,6 +15,8 @@ _HELD = 0.9
 """of the force that a phase is to hold, from which on its tools have taken hold"""
 _NEAR = 0.98
 """of the force or squeeze that is to end a phase, from which on it was reached"""
+_TURNED, _LEAST_TURNED = 0.25, 0.02
+"""of a compression, and [1], both of which a body must lack to be told of: what it deforms by turns it, too"""
 _SHORT, _SHORTEST = 0.01, 1e-4
 """of a way, and [m], both of which a tool must lack to be told of"""
 
@@ -41,6 +43,21 @@ def unreached(number: int, phase: Phase, compression: float, force: float) -> st
     return (
         f"motion[{number}]: its until.time of {until.time:g} s ended it with {', and '.join(short)}: give {tools} more "
         "time, or more speed, or let them begin nearer to the body"
+    )
+
+
+def turned_away(number: int, phase: ClosePhase, told: float, true: float) -> str:
+    """What to say of a closing phase whose body turned between its tools, with the remedy; '' where it did not.
+
+    told  compression that the tools' way comes to [1]
+    true  that of the body as it stands in the end [1]
+    """
+    if told - true < max(_TURNED * told, _LEAST_TURNED):
+        return ""
+    tools = " and ".join(phase.tools)
+    return (
+        f"motion[{number}] ends at a compression of {told:.3g}, but the body turned between {tools}, "
+        f"and is squeezed by some {max(0.0, true):.2g}: turn them with its faces, support it, or end it by until.force"
     )
 
 

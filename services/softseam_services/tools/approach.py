@@ -49,16 +49,20 @@ def way_to_touch(
     reach = float(tools.reach[tool])
     far = float(along.max() - position @ way) + (reach if np.isfinite(reach) else 2.0 * size)
     surface = _Surface(tools, tool, orientation, corners, size)
-    gone, back = 0.0, 0.0
+    gone, back, clear = 0.0, 0.0, np.nan
     for _ in range(_MOST_STEPS):
         gap = surface.nearest(position + gone * way)[0]
-        if gap < -_TOUCH * size:  # in them: back, until it is out
+        if gap < -_TOUCH * size and np.isnan(clear):  # it begins in them: back, until it is out
             back = 2.0 * back + max(-gap, _TOUCH * size)
             gone -= back
-            continue
-        if gap <= _TOUCH * size:
+        elif gap < -_TOUCH * size:  # a distance on a grid was too long
+            if gone - clear <= _TOUCH * size:
+                break
+            gone = 0.5 * (clear + gone)
+        elif gap <= _TOUCH * size:
             break
-        gone += gap
+        else:
+            clear, gone = gone, gone + gap
         if gone > far:
             return None
     return gone, surface.nearest(position + gone * way, way)[1]
