@@ -181,3 +181,23 @@ def test_a_body_that_turns_instead_is_told_of() -> None:
         told: list[str] = []
         run(scene(PAIRS[pair], [CLOSE, {"hold": 2 * STEP}], body=free), told=told)
         assert [f"motion[0] ends at a compression of {SQUEEZE:g}" in text for text in told] == [True] * turns, told
+
+
+def test_by_hand_it_counts_from_where_the_tools_came_to_the_body() -> None:
+    """Balls that would touch the upper edges 1.5 mm later go down beside the faces first, and close as in a scene that
+    begins there."""
+    balls = [{"kind": "sphere", "radius": 0.009, "position": [x, 0.0, z]} for x, z in ((-0.034, 0.045), (0.034, 0.045))]
+    lower = [{**ball, "position": [ball["position"][0], 0.0, 0.035]} for ball in balls]
+    told = []
+    for tools, down in ((balls, 10), (lower, 0)):
+        simulation = Simulation(bundle_scene(scene(tools, [CLOSE])), EmbeddedTransport())
+        for _ in range(down):
+            simulation.step({name: [0, 0, -0.001 / STEP] for name in ("left", "right")})
+        squeezed = []
+        for _ in range(14):
+            report = simulation.step({"left": [0.0005 / STEP, 0, 0], "right": [-0.0005 / STEP, 0, 0]})
+            squeezed.append(report.quantities["compression"])
+        told.append(squeezed)
+        simulation.close()
+    assert told[0][0] == 0.0 and told[0][-1] > 0.05
+    np.testing.assert_allclose(told[0], told[1], atol=1e-4)
