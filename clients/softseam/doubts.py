@@ -15,7 +15,7 @@ from softseam.odd_motion import odd_motion
 from softseam.odd_units import odd_units
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.kinds import element_warning
-from softseam_protocol.scene.motion import ClosePhase, HoldPhase, MovePhase, OpenPhase
+from softseam_protocol.scene.motion import ClosePhase, HoldPhase, MovePhase, OpenPhase, TurnPhase
 from softseam_protocol.scene.particles import RopeBody, SheetBody
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
@@ -294,7 +294,7 @@ def _stiffened_by_time(scene: Scene) -> list[str]:
 
 
 def _leaps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
-    """Tools that a phase of the motion takes half through themselves in a step, as it begins."""
+    """Tools that a phase of the motion takes half through themselves in a step, as it begins or is fastest."""
     from softseam_services.orchestrator.grips import Grips
     from softseam_services.orchestrator.program import Program, Progress
     from softseam_services.tools.motion import tool_motion
@@ -302,8 +302,11 @@ def _leaps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
 
     program = Program(scene.motion, scene.step, tools, Grips(scene, tools, [body]))
     found = []
-    for phase in range(len(scene.motion)):
-        command, _ = program.step(Progress(phase, 0.0), tools.position, tools.orientation)
+    for phase, spec in enumerate(scene.motion):
+        fastest = 0.0
+        if isinstance(spec, MovePhase | TurnPhase) and spec.acceleration is not None:
+            fastest = max(0.0, 0.5 * (spec.ramp.time - scene.step))
+        command, _ = program.step(Progress(phase, fastest), tools.position, tools.orientation)
         motion = tool_motion(tools, tools.position, tools.orientation, command, scene.step)
         found += [
             f"motion.{phase}: {name} moves half its thickness in a step of {1e3 * scene.step:g} ms: the body may come "
