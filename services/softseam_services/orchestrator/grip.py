@@ -104,7 +104,8 @@ class Grip:
 
     def force(self, wrench: Floats, orientation: Floats) -> float:
         """Mean force of the body on the tools against their ways [N], of wrenches (t, 6) and orientations (t, 4)."""
-        return -float((self.inward_now(orientation) * wrench[list(self.tools), :3]).sum()) / len(self.tools)
+        along = float((self.inward_now(orientation) * wrench[list(self.tools), :3]).sum())
+        return 0.0 - along / len(self.tools)  # of nothing it is 0, not -0
 
     def compression(self, position: Floats, orientation: Floats) -> float:
         """Eq. (2) at tool poses (t, 3) [m], (t, 4): at most 0 before all touch; 0 of a sheet, which has no width."""
