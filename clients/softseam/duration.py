@@ -15,11 +15,11 @@ from softseam_protocol.scene.motion import (
     TurnPhase,
 )
 from softseam_protocol.scene.scene import MOST_STEPS, Scene
-from softseam_protocol.scene.tools import PlaneTool, ToolSpec
+from softseam_protocol.scene.tools import BoxTool, PlaneTool, ToolSpec
 
 
 def expected_duration(scene: Scene) -> float | None:
-    """Simulated time of the whole run [s]; None where it depends on a force, or on the extent of a tool that
+    """Simulated time of the whole run [s]; None where it depends on a force, or on where tools touch, which
     only services know."""
     if scene.duration is not None:
         return scene.duration
@@ -89,6 +89,9 @@ def _closing_time(scene: Scene, phase: ClosePhase, closed: dict[str, float]) -> 
     ):
         way = np.subtract(second.position, first.position)
         axis = way / np.linalg.norm(way)
+        askew = any(isinstance(tool, BoxTool) and any(tool.rotation) for tool in (first, second))
+        if askew or np.abs(axis).max() < 1.0 - 1e-9:
+            return min(bounds, default=None)  # where they touch only services know
         x, y, z = axis.tolist()
         one, other = first.extent((x, y, z)), second.extent((x, y, z))
         if one is not None and other is not None:
