@@ -15,7 +15,7 @@ from softseam.odd_motion import odd_motion
 from softseam.odd_units import odd_units
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.kinds import element_warning
-from softseam_protocol.scene.motion import ClosePhase, HoldPhase, MovePhase
+from softseam_protocol.scene.motion import ClosePhase, HoldPhase, MovePhase, OpenPhase, TurnPhase
 from softseam_protocol.scene.particles import RopeBody, SheetBody
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
@@ -294,16 +294,19 @@ def _stiffened_by_time(scene: Scene) -> list[str]:
 
 
 def _leaps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
-    """Tools that a phase of the motion takes half through themselves in a step, as it begins."""
-    from softseam_services.orchestrator.grip import grips_by_phase
+    """Tools that a phase of the motion takes half through themselves in a step, as it begins or is fastest."""
+    from softseam_services.orchestrator.grips import Grips
     from softseam_services.orchestrator.program import Program, Progress
     from softseam_services.tools.motion import tool_motion
     from softseam_services.tools.travel import beyond_middle
 
-    program = Program(scene.motion, scene.step, tools, grips_by_phase(scene, tools, [body]))
+    program = Program(scene.motion, scene.step, tools, Grips(scene, tools, [body]))
     found = []
-    for phase in range(len(scene.motion)):
-        command, _ = program.step(Progress(phase, 0.0), tools.position, tools.orientation)
+    for phase, spec in enumerate(scene.motion):
+        fastest = 0.0
+        if isinstance(spec, MovePhase | TurnPhase) and spec.acceleration is not None:
+            fastest = max(0.0, 0.5 * (spec.ramp.time - scene.step))
+        command, _ = program.step(Progress(phase, fastest), tools.position, tools.orientation)
         motion = tool_motion(tools, tools.position, tools.orientation, command, scene.step)
         found += [
             f"motion.{phase}: {name} moves half its thickness in a step of {1e3 * scene.step:g} ms: the body may come "
@@ -330,6 +333,8 @@ def _hard_hits(scene: Scene, body: Body) -> list[str]:
         key, speed = "", 0.0
         if isinstance(phase, ClosePhase):
             key, speed = "close", phase.close
+        elif isinstance(phase, OpenPhase):
+            key, speed = "open", phase.open
         elif isinstance(phase, MovePhase):
             key, speed = "speed", phase.speed
         if speed > _HARD * slowest:

@@ -5,13 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_protocol.scene.bodies import BlockShape, BodySpec, Shape
-from softseam_protocol.scene.motion import ClosePhase, GripPhase, HoldPhase, MovePhase, ReleasePhase, TurnPhase
+from softseam_protocol.scene.motion import (
+    ClosePhase,
+    GripPhase,
+    HoldPhase,
+    MovePhase,
+    OpenPhase,
+    ReleasePhase,
+    TurnPhase,
+)
 from softseam_protocol.scene.scene import MOST_STEPS, Scene
-from softseam_protocol.scene.tools import PlaneTool, ToolSpec
+from softseam_protocol.scene.tools import BoxTool, PlaneTool, ToolSpec
 
 
 def expected_duration(scene: Scene) -> float | None:
-    """Simulated time of the whole run [s]; None where it depends on a force, or on the extent of a tool that
+    """Simulated time of the whole run [s]; None where it depends on a force, or on where tools touch, which
     only services know."""
     if scene.duration is not None:
         return scene.duration
@@ -25,7 +33,12 @@ def expected_duration(scene: Scene) -> float | None:
         elif isinstance(phase, ReleasePhase):
             total += phase.release
         elif isinstance(phase, MovePhase | TurnPhase):
-            total += float(np.linalg.norm(phase.move if isinstance(phase, MovePhase) else phase.turn)) / phase.speed
+            total += phase.ramp.time
+        elif isinstance(phase, OpenPhase):
+            back = phase.until.way if phase.until is not None else max(closed.get(name, 0.0) for name in phase.tools)
+            total += back / phase.open
+            for name in phase.tools:
+                closed[name] = max(0.0, closed.get(name, 0.0) - back)
         else:
             length = _closing_time(scene, phase, closed)
             if length is None:
@@ -64,6 +77,8 @@ def _shape_between(scene: Scene, first: ToolSpec, second: ToolSpec) -> Shape | N
 def _closing_time(scene: Scene, phase: ClosePhase, closed: dict[str, float]) -> float | None:
     """Length of a closing phase [s]; `closed` is how far each tool has approached the other before [m]."""
     bounds = [] if phase.until.time is None else [phase.until.time]
+    if len(phase.tools) > 2 or phase.about is not None:
+        return min(bounds, default=None)
     first, second = (scene.tools[name] for name in phase.tools)
     shape = _shape_between(scene, first, second)
     if (
@@ -74,6 +89,9 @@ def _closing_time(scene: Scene, phase: ClosePhase, closed: dict[str, float]) -> 
     ):
         way = np.subtract(second.position, first.position)
         axis = way / np.linalg.norm(way)
+        askew = any(isinstance(tool, BoxTool) and any(tool.rotation) for tool in (first, second))
+        if askew or np.abs(axis).max() < 1.0 - 1e-9:
+            return min(bounds, default=None)  # where they touch only services know
         x, y, z = axis.tolist()
         one, other = first.extent((x, y, z)), second.extent((x, y, z))
         if one is not None and other is not None:

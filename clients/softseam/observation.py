@@ -200,7 +200,7 @@ class Observation:
 
     @property
     def lift_height(self) -> float:
-        """How far the body has been lifted from where it was before a tool first rose [m]."""
+        """How far the body has been lifted from where it was before a tool that touches it first rose [m]."""
         return self._quantity("lift_height")
 
     @property

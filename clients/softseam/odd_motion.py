@@ -36,7 +36,7 @@ def odd_motion(scene: Scene, size: float) -> list[str]:
                 count = turn / (2.0 * math.pi)
                 found.append(f"{key}.turn: {turn:.4g} rad are {count:.3g} full turns; is it in rad, not in degrees?")
         elif isinstance(phase, MovePhase):
-            way = math.hypot(*phase.move)
+            way = phase.length
             if way > _FAR * size:
                 times = f"{way / size:.3g} times the body's {size:.3g} m"
                 found.append(f"{key}.move: {way:.4g} m are {times}; is it in m, not in mm?")

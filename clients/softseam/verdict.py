@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +10,10 @@ from numpy.typing import NDArray
 
 from softseam.columns import Columns
 from softseam_protocol.messages.names import prefix
-from softseam_protocol.scene.motion import ClosePhase, MovePhase, ReleasePhase
+from softseam_protocol.scene.motion import ClosePhase, MovePhase, OpenPhase, ReleasePhase
 from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.spec import Vector
+from softseam_protocol.scene.tools import PlaneTool
 
 Floats = NDArray[np.float64]
 
@@ -35,8 +38,8 @@ class Verdict:
 
 
 def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
-    """Lifted, set down or dropped, where tools went up with a body between them; else whether the run came to its
-    end.
+    """Lifted, set down or dropped, where a body was gripped or carried as tools went up; else whether the run came to
+    its end.
 
     Dropped: in the end the tools that lift press on it with less than 5 % of their largest force, or the body's lowest
     point rose by less than half of the tools' rise and slip explains at least half of the difference. A long body that
@@ -48,13 +51,16 @@ def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
         return Verdict("unfinished", "no step was taken")
     ended = Verdict("finished" if done else "unfinished", f"the run came to its end{end}" if done else end[6:])
     names = lifters(scene)
-    if not names or any(isinstance(phase, ReleasePhase) for phase in scene.motion):
-        return ended  # what is let go is not lifted
+    held = _held(scene, columns)
+    if not names or scene.bodies[held].fixed or any(isinstance(phase, ReleasePhase) for phase in scene.motion):
+        return ended  # what is clamped, or let go, is not lifted
     risen = tool_rise(names, columns)
     forces = [np.stack([columns[f"tool.{name}.f{axis}"] for axis in "xyz"]) for name in names]
     force = np.asarray(sum(np.linalg.norm(each, axis=0) for each in forces))
-    of = _held(scene, columns)
+    of = prefix(held, scene.bodies)
     height = columns[f"quantity.{of}lift_height"]
+    if force.any() and not (_grips_that_rise(scene) or _carried(risen, sum(each[2] for each in forces), names, height)):
+        return ended  # pressed, and left
     set_down = _set_down(columns["time"], risen, np.where(np.isfinite(height), height, risen), force)
     if set_down:
         return Verdict("set down", f"set down: {set_down}{end}")
@@ -76,9 +82,12 @@ def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
 
 
 def _held(scene: Scene, columns: Columns) -> str:
-    """Prefix of the quantities of the body that the tools had: of several, the one that rose most."""
-    names = [prefix(name, scene.bodies) for name in scene.bodies]
-    return max(names, key=lambda of: float(np.nanmax(columns[f"quantity.{of}lift_height"], initial=0.0)))
+    """The body that the tools had: of several, the one that rose most."""
+
+    def rose(name: str) -> float:
+        return float(np.nanmax(columns[f"quantity.{prefix(name, scene.bodies)}lift_height"], initial=0.0))
+
+    return max(scene.bodies, key=rose)
 
 
 def with_failures(verdict: Verdict, failed: int, steps: int) -> Verdict:
@@ -92,12 +101,51 @@ def with_failures(verdict: Verdict, failed: int, steps: int) -> Verdict:
 
 
 def lifters(scene: Scene) -> tuple[str, ...]:
-    """Tools whose mean rise is the body's where they hold it: those that move up, without those that do not close where
-    others do; where none moves up, all that move."""
-    moves = [phase for phase in scene.motion if isinstance(phase, MovePhase)]
-    grip = {name for phase in scene.motion if isinstance(phase, ClosePhase) for name in phase.tools}
-    up = {name for phase in moves if phase.move[2] > 0.0 for name in phase.tools}
-    return tuple(sorted(up & grip or up or {name for phase in moves for name in phase.tools}))
+    """Tools whose mean rise is the body's where they hold it: grips that move up as one; where none does, other tools
+    that move up, which may carry it."""
+    gripping = _grips_that_rise(scene)
+    closing = {name for phase in scene.motion if isinstance(phase, ClosePhase) for name in phase.tools}
+    return tuple(sorted(gripping or _rising(scene) - closing))
+
+
+def _rising(scene: Scene) -> set[str]:
+    """Tools that some phase moves up."""
+    moves = (phase.ways for phase in scene.motion if isinstance(phase, MovePhase))
+    return {name for ways in moves for name, way in ways.items() if way[2] > 0.0}
+
+
+def _grips_that_rise(scene: Scene) -> set[str]:
+    """Tools that some phase moves up together after they closed, before they opened or one of them was moved off."""
+    closed: set[tuple[str, ...]] = set()
+    found: set[str] = set()
+    for phase in scene.motion:
+        if isinstance(phase, ClosePhase):
+            closed = {grip for grip in closed if not {*grip} & {*phase.tools}} | {phase.tools}
+        elif isinstance(phase, OpenPhase):
+            closed = {grip for grip in closed if {*grip} != {*phase.tools}}
+        elif isinstance(phase, MovePhase):
+            closed = {grip for grip in closed if not _opens(scene, grip, phase.ways)}
+            found |= {
+                name for grip in closed if all(phase.ways.get(n, (0, 0, 0))[2] > 0.0 for n in grip) for name in grip
+            }
+    return found
+
+
+def _opens(scene: Scene, grip: tuple[str, ...], ways: Mapping[str, Vector]) -> bool:
+    """Whether a move takes tools of a grip apart, as the scene places them."""
+    where = [
+        tool.point if isinstance(tool, PlaneTool) else tool.position for tool in map(scene.tools.__getitem__, grip)
+    ]
+    moved = np.array([ways.get(name, (0.0, 0.0, 0.0)) for name in grip])
+    aside = np.array(where) - np.mean(where, axis=0)
+    return float(((moved - moved.mean(axis=0)) * aside).sum()) > 0.0
+
+
+def _carried(risen: Floats, upward: Floats, names: tuple[str, ...], height: Floats) -> bool:
+    """Whether a body hung on tools that no phase closed while they rose, by the vertical force on them [N], or rose
+    with the one that there is."""
+    rising = np.diff(risen, prepend=risen[:1]) > 0.0
+    return bool(upward[rising].sum() < 0.0) and (len(names) > 1 or float(np.nanmax(height, initial=0.0)) >= _RISE)
 
 
 def tool_rise(names: tuple[str, ...], columns: Columns) -> Floats:

@@ -47,14 +47,14 @@ QUANTITIES: Table[Quantity] = Table(
     {
         "grip_force": Quantity(
             "N",
-            "mean force on the tools that close, along the line between them",
+            "mean force on the tools that close, against the ways on which they do",
             always=True,
             at_rest=0.0,
             group="grip",
         ),
         "lift_height": Quantity(
             "m",
-            "how far the centre of mass has risen since a tool first moved up; without gravity the lowest point",
+            "how far the centre of mass has risen since tools that touch it moved up; without gravity the lowest point",
             always=True,
             at_rest=0.0,
             group="grip",
@@ -79,7 +79,10 @@ QUANTITIES: Table[Quantity] = Table(
         ),
         "sag": Quantity("m", "how much lower the body is than at rest, top to bottom", always=True, at_rest=0.0),
         "compression": Quantity(
-            "1", "1 - (gap between the tools that close)/(the body's width there at rest)", always=True
+            "1",
+            "how much narrower the body is between the tools that close than when all touched it, of that width",
+            always=True,
+            at_rest=0.0,
         ),
         "tip_deflection": Quantity(
             "m", "rise of the middle of the end farthest from what is fixed; negative downwards", at_rest=0.0

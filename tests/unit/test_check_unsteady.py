@@ -95,6 +95,12 @@ models: {pbd: {substeps: 40}}
         ("{hold: 0.05}", "{tools: [left], move: [0, 0, 0.5], speed: 0.1}", "", ""),
         ("{hold: 0.05}", "{tools: [left], turn: [0, 0, 6.3], speed: 1}", "", ""),
         ("{pbd: {substeps: 40}}", "{fem: {element: tet4}}", ":15:25: ", "models.fem.element: tet4 is too"),
+        (
+            "{hold: 0.05}",
+            "{tools: [left], move: [-0.3, 0, 0], speed: 0.6, acceleration: 3}",
+            ":12:5: ",
+            "motion.0: left moves half its thickness in a step of 10 ms",
+        ),
     ],
     ids=[
         "steady",
@@ -115,6 +121,7 @@ models: {pbd: {substeps: 40}}
         "a long way",
         "one full turn",
         "an element that locks",
+        "fast in the middle",
     ],
 )
 def test_a_warning_tells_where(tmp_path: Path, old: str, new: str, place: str, words: str) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.orchestrator.drives import Drives
-from softseam_services.orchestrator.grip import grips_by_phase
+from softseam_services.orchestrator.grips import Grips
 from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.tools.build import build_tools
@@ -50,7 +50,7 @@ def _scene(step: float, motion: list[dict[str, Any]]) -> Scene:
 def _program(step: float, motion: list[dict[str, Any]]) -> tuple[Program, ToolSet, Drives]:
     scene = _scene(step, motion)
     body, tools = build_body(scene, {}), build_tools(scene)
-    grips = grips_by_phase(scene, tools, [body])
+    grips = Grips(scene, tools, [body])
     drives = Drives(scene, [body], grips)
     return Program(scene.motion, scene.step, tools, grips, drives.phases), tools, drives
 
@@ -135,7 +135,7 @@ def test_tools_go_back_to_the_force_that_ends_their_phase() -> None:
     """On a spring that is met on the way, in steps that pass the force by far."""
     program, tools, _ = _program(0.1, [{**SQUEEZE, "until": {"force": 0.5}}, {"hold": 0.1}])
     position, progress, forces = tools.position.copy(), Progress(), list[float]()
-    grip = program.grip
+    grip = program.grips.first
     assert grip is not None
     touch, stiffness = grip.gap(position, tools.orientation) - 1.5 * 0.1 * 0.04, 450.0  # [m], [N/m]
     while progress.phase == 0:
@@ -152,9 +152,9 @@ def test_tools_that_meet_before_the_force_end_the_run_in_words() -> None:
     program, tools, _ = _program(0.1, [{**SQUEEZE, "until": {"force": 50.0}}])
     position = tools.position.copy()
     program.step(Progress(), position, tools.orientation)
-    assert program.grip is not None and not program.met(program.compression(position, tools.orientation))
-    position[0] += 1.001 * program.grip.gap(position, tools.orientation) * program.grip.axis
-    assert "have met" in program.met(program.compression(position, tools.orientation))
+    assert program.grips.first is not None and not program.met(position, tools.orientation)
+    position[0] += 1.001 * program.grips.first.gap(position, tools.orientation) * program.grips.first.inward[0]
+    assert "have met" in program.met(position, tools.orientation)
     with pytest.raises(StepFailed, match=r"motion\[0\].* have met before they pressed with 50 N: .*until.time"):
         program.step(Progress(), position, tools.orientation)
 

@@ -229,6 +229,8 @@ BAD = [
     ("until: {compression: 0.15}", "until: {}", 15, "motion.0.until", "say when to stop"),
     ("until: {compression: 0.15}", "until: {compression: 15}", 15, "motion.0.until.compression", "less than 1"),
     (", until: {compression: 0.15}", "", 15, "motion.0.until", "the key 'until' is missing"),
+    ("{hold: 0.3}", "{tools: [left, ground], open: 1}", 16, "motion.1.tools", "closes left and ground together"),
+    ("{hold: 0.3}", "{tools: [left, right], opn: 1}", 16, "motion.1", "did you mean 'open'?"),
     ("{hold: 0.3}", "{hold: 0.3, speed: 1}", 16, "motion.1.speed", "unknown key (allowed: hold)"),
     ("move: [0, 0, 0.05]", "move: [0, 0, 0]", 17, "motion.2.move", "zero length: use hold"),
     ("[left, right], move", "[], move", 17, "motion.2.tools", "too few"),

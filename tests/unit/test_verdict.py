@@ -68,12 +68,17 @@ def test_a_turn_of_the_fingers_is_no_rise() -> None:
         ([{"tools": ["ball"], "move": [0, 0.01, 0], "speed": 0.1}, CLOSE, UP], ("left", "right")),
         ([CLOSE, UP, {"tools": ["ball"], "move": [0, 0, 0.1], "speed": 0.1}], ("left", "right")),
         ([CLOSE, {"tools": ["ball"], "move": [0, 0, 0.1], "speed": 0.1}], ("ball",)),
-        ([{"tools": ["ball"], "move": [0, 0.1, 0], "speed": 0.1}], ("ball",)),
+        ([CLOSE, {"tools": ["ball"], "move": [0, 0, 0.1], "speed": 0.1}], ("ball",)),
+        ([{"tools": ["ball"], "move": [0, 0.1, 0], "speed": 0.1}], ()),
         ([CLOSE], ()),
+        # pressed and left: opened before they go up, or one of them goes up off the other
+        ([CLOSE, {"tools": FINGERS, "open": 0.02}, UP], ()),
+        ([CLOSE, {"tools": ["left"], "move": [0, 0, 0.05], "speed": 0.05}], ()),
+        ([CLOSE, UP, DOWN, {"tools": FINGERS, "open": 0.02}, UP], ("left", "right")),
     ],
 )
 def test_which_tools_lift(motion: list[dict[str, Any]], names: tuple[str, ...]) -> None:
-    """A ball that comes from the side, or goes up beside a grip, does not; one that goes up without a grip does."""
+    """A ball that comes from the side, or goes up beside a grip, does not; one that goes up without a grip may."""
     assert lifters(scene(*motion)) == names
 
 
@@ -137,3 +142,34 @@ def test_a_run_without_solutions_has_failed() -> None:
         "2 of 10 steps found no solution, and the body stood still in them"
     )
     assert with_failures(ended, 5, 10).outcome == "failed"
+
+
+PRESS = [{"tools": ["ball"], "move": [0, 0, z], "speed": 0.05} for z in (-0.004, 0.004)]
+
+
+def pressed(force: float, body: Sequence[float], fixed: bool = False) -> Verdict:
+    """Of a ball that goes down by 4 mm and up again, with this vertical force on it at its lowest [N]."""
+    motion = scene(*PRESS)
+    if fixed:
+        body_spec = {**SCENE["body"], "fixed": [{"min": [-1, -1, -1], "max": [1, 1, 0.001]}]}  # type: ignore[dict-item]
+        motion = Scene.model_validate({**SCENE, "motion": PRESS, "body": body_spec})
+    found, z = Columns(0.1, ("ground", "left", "right", "ball")), [0.0, -0.004, -0.002, 0.0]
+    like = next(message for message in Squeeze(1).messages() if isinstance(message, StepReport))
+    for k, height in enumerate(z):
+        position, wrench = np.zeros((4, 3)), np.zeros((4, 6))
+        position[3, 2], wrench[3, 2] = height, force * (1.0 + height / 0.008 if height else 0.0)
+        header = replace(like.header, step=k, time=0.1 * k)
+        quantities = {"slip": 1e-4, "lift_height": body[k]}
+        found.add(replace(like, header=header, tool_position=position, wrench=wrench, quantities=quantities))
+    return judge(motion, found, True)
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+def test_what_is_pressed_and_left_was_not_to_be_lifted(fixed: bool) -> None:
+    assert pressed(2.0, [0.0] * 4, fixed).outcome == "finished"
+
+
+def test_what_lay_on_a_tool_that_goes_up_was() -> None:
+    """A spatula under it: it presses the tool down, and comes up with it, or slides off."""
+    assert pressed(-2.0, [0.0, 0.0, 0.002, 0.004]).outcome == "dropped"  # nothing lies on it in the end
+    assert pressed(-2.0, [0.0, 0.0, 0.002, 0.004], fixed=True).outcome == "finished"

@@ -14,7 +14,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.grip import grips_by_phase
+from softseam_services.orchestrator.grips import Grips
 from softseam_services.orchestrator.program import Progress
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.tools.build import build_tools
@@ -203,7 +203,7 @@ def test_what_short_steps_add_to_a_finger_is_part_of_the_cells_it_pushes(cell: A
     made["body"]["cell"] = cell
     spec = Scene.model_validate(made | {"step": step})
     body = build_body(spec, {})
-    (drive,) = Drives(spec, [body], grips_by_phase(spec, build_tools(spec), [body])).drives
+    (drive,) = Drives(spec, [body], Grips(spec, build_tools(spec), [body])).drives
     h = cell if isinstance(cell, float) else cell[0]
     c = np.sqrt(2e4 * (1 - 0.4) / ((1 + 0.4) * (1 - 2 * 0.4)) / 1050.0)
     added = 0.25 * 1050.0 * 0.05**2 * max(0.0, h - c * step)
@@ -220,9 +220,9 @@ def test_what_short_steps_add_to_a_finger_is_damped_alike_in_all(step: float) ->
     held = [close(force=5.0, until={"time": 0.2}), {"hold": 0.2}]
     spec = scene(held, {"default": "fem"}).model_copy(update={"step": step})
     tools, body = build_tools(spec), build_body(spec, {})
-    drives = Drives(spec, [body], grips_by_phase(spec, tools, [body]))
+    drives = Drives(spec, [body], Grips(spec, tools, [body]))
     (drive,) = drives.drives
-    drives.state[0] = 0.0, drive.stiffness, 4.75, 0.0, 4.75
+    drives.state[0] = 0.0, drive.stiffness, 4.75, 0.0, 4.75, 0.0
     command = np.zeros((3, 6))
     drives.apply(command, Progress(1, 0.1), tools.orientation)
     modulus = 2e4 * (1 - 0.4) / ((1 + 0.4) * (1 - 2 * 0.4))

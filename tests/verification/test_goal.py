@@ -203,7 +203,8 @@ def test_a_step_is_observed_once_for_all_rules(monkeypatch: pytest.MonkeyPatch) 
     for _ in range(12):
         observed.clear()
         of.step()
-        asked = [(request.header.part, request.header.step) for request in observed]
+        # where bodies stand as tools begin and end to close is asked for beside
+        asked = [(request.header.part, request.header.step) for request in observed if request.indicators]
         assert len(asked) == len(set(asked))
     assert of.regions.near_arrays()["goal_look"][0] > 0.0
     of.close()

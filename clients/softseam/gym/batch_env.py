@@ -107,7 +107,7 @@ class BatchEnv(ShownBatch):
         self._closed, self._risen, self._count, self._base = none.copy(), none.copy(), none.copy(), none.copy()
         self._last, self._young = np.zeros((count, 2)), none.copy()
         self._start = np.zeros((count, 3))
-        self._lifting = np.zeros(count, dtype=np.bool_)
+        self._lifting, self._felt = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.bool_)
         self._over: Mask | None = None
         """episodes that ended with the last step; None before the first reset"""
 
@@ -253,7 +253,7 @@ class BatchEnv(ShownBatch):
         self._width[which] = (np.abs(along) * size[:, :2]).sum(axis=1)
         self._apart[which] = np.einsum("ki,ki->k", right - left, along) - box.size[0]
         self._closed[which] = self._risen[which] = self._count[which] = 0.0
-        self._last[which], self._lifting[which] = 0.0, False
+        self._last[which], self._lifting[which], self._felt[which] = 0.0, False, False
         self._base[which] = self._ground + 0.5 * size[:, 2]  # of the middle, where the pads rise at once
         self._start[which] = self._marker()[which]
 
@@ -262,11 +262,13 @@ class BatchEnv(ShownBatch):
         close, rise = (SPEED * taken).T
         close, rise = np.maximum(close, -self._closed / ACT), np.maximum(rise, -self._risen / ACT)
         self._closed, self._risen = self._closed + close * ACT, self._risen + rise * ACT
-        self._last, self._lifting = taken, self._lifting | (self._risen > 0.0)
+        self._last = taken
         way = np.zeros((self.num_envs, len(self._tools), 3))
         for pad, side in zip(self._pads, (1.0, -1.0), strict=True):
             way[:, pad, :2], way[:, pad, 2] = side * (close * ACT)[:, None] * self._along, rise * ACT
         found = self._found = self._batch.step(way)
+        felt = np.any([found.force[:, pad].any(axis=1) for pad in self._pads], axis=0)
+        self._lifting |= felt & (rise > 0.0)
         together = found.stress + found.middle.sum(axis=1) + found.force.sum(axis=(1, 2))
         return np.asarray(np.isfinite(together) & (found.least_j > 0.0) & (found.stress <= self._young))
 
@@ -299,9 +301,10 @@ class BatchEnv(ShownBatch):
             ),
             *(*touching, *self._last.T, self._count / STEPS),
         )
-        between = (found.touching[:, self._pads] > 0.0).all(axis=1)  # else they are near each other beside the piece
-        squeezed = np.where(between, np.maximum(1.0 - (self._apart - 2.0 * self._closed) / self._width, 0.0), 0.0)
-        self._squeezed = squeezed
+        squeezed = np.maximum(1.0 - (self._apart - 2.0 * self._closed) / self._width, 0.0)
+        both = left.any(axis=1) & right.any(axis=1)
+        self._felt = both | (self._felt & (squeezed > 0.0))  # as `Grips` has it
+        self._squeezed = squeezed = np.where(self._felt, squeezed, 0.0)
         self._peak = np.minimum(np.nan_to_num(found.stress.astype(np.float64)), self._young)
         grip = Grip(
             lift=np.where(self._lifting, middle - self._base, 0.0),
@@ -378,6 +381,7 @@ _KEPT = (
     "last",
     "start",
     "lifting",
+    "felt",
     "over",
     "seen",
 )

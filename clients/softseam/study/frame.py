@@ -325,11 +325,13 @@ def _reaches(tool: ToolSpec, axis: int, middle: float, edge: float) -> bool:
 def _moves_along(scene: Scene, axis: int) -> bool:
     """Whether a phase turns tools, or has some move along this axis."""
     for phase in scene.motion:
-        if isinstance(phase, TurnPhase) or (isinstance(phase, MovePhase) and phase.move[axis]):
+        if isinstance(phase, TurnPhase) or (
+            isinstance(phase, MovePhase) and any(way[axis] for way in phase.ways.values())
+        ):
             return True
         if isinstance(phase, ClosePhase):
-            first, second = (scene.tools[name] for name in phase.tools)
-            if _middle(first)[axis] != _middle(second)[axis]:
+            places = {_middle(scene.tools[name])[axis] for name in phase.tools}
+            if len(places | ({phase.about[axis]} if phase.about else set())) > 1:
                 return True
     return False
 

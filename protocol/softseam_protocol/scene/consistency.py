@@ -98,11 +98,11 @@ def _check_body(scene: OneBody, kinds: Collection[str]) -> None:
         _check_particles(scene, scene.body, "cells" in kinds)
 
 
-def check_tools(scene: OneBody, names: tuple[str, ...], *at: str | int) -> None:
-    """Raise if one of the names, which stand at `at`, is not a tool."""
+def check_tools(scene: OneBody, names: tuple[str, ...], *at: str | int, by_name: bool = False) -> None:
+    """Raise if one of the names, which stand at `at` in a list, or by_name as keys, is not a tool."""
     for i, name in enumerate(names):
         if name not in scene.tools:
-            raise not_among(f"no tool is called {name!r}", list(scene.tools), *at, i)
+            raise not_among(f"no tool is called {name!r}", list(scene.tools), *at, name if by_name else i)
 
 
 def _symmetry_is_used(scene: OneBody) -> None:

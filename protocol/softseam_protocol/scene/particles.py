@@ -10,7 +10,17 @@ from pydantic import Field, SerializationInfo, SerializerFunctionWrapHandler, mo
 from softseam_protocol.scene.friction_field import FrictionFieldSpec
 from softseam_protocol.scene.mesh_files import MeshPart, MeshScale, MeshUp, usual_scale, usual_up
 from softseam_protocol.scene.regions import OwnRegions
-from softseam_protocol.scene.spec import BoxRegion, NonNegative, OfKind, Positive, Spec, Vector, check_edge, wrong
+from softseam_protocol.scene.spec import (
+    BoxRegion,
+    NonNegative,
+    OfKind,
+    Positive,
+    Rotation,
+    Spec,
+    Vector,
+    check_edge,
+    wrong,
+)
 from softseam_protocol.table import Table
 
 MOST_PARTICLES = 1_000_000
@@ -58,7 +68,10 @@ class _Particles(OwnRegions):
     """What all have alike."""
 
     position: Vector = Field(default=(0.0, 0.0, 0.0), description="its middle [m]")
-    rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn about its middle: axis times angle [rad]")
+    rotation: Rotation = Field(
+        default=(0.0, 0.0, 0.0),
+        description="turn about its middle",
+    )
     fixed: tuple[BoxRegion, ...] = Field(default=(), description="particles at rest inside these boxes are clamped")
     velocity: Vector = Field(default=(0.0, 0.0, 0.0), description="initial velocity [m/s]")
     damping: NonNegative = Field(default=0.0, description="drag of still air: force over mass and velocity [1/s]")

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from softseam_protocol.scene.spec import Direction, OfKind, Positive, Spec, Vector
+from softseam_protocol.scene.spec import Direction, OfKind, Positive, Rotation, Spec, Vector
 from softseam_protocol.table import Table
 
 
@@ -22,7 +22,10 @@ class BoxPart(PartSpec):
 
     kind: Literal["box"] = "box"
     size: tuple[Positive, Positive, Positive] = Field(description="edge lengths [m]")
-    rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn: axis times angle [rad]")
+    rotation: Rotation = Field(
+        default=(0.0, 0.0, 0.0),
+        description="turn",
+    )
 
 
 class SpherePart(PartSpec):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Literal
 
@@ -12,15 +13,10 @@ from softseam_protocol.quantities import QUANTITIES, QuantityName, probed
 from softseam_protocol.scene.bodies import AnyBody, BodyName, BodySpec
 from softseam_protocol.scene.consistency import check_body, check_tools
 from softseam_protocol.scene.models import ModelsSpec
-from softseam_protocol.scene.motion import (
-    LARGEST_TURN,
-    HoldPhase,
-    Phase,
-    TurnPhase,
-)
+from softseam_protocol.scene.motion import LARGEST_TURN, ClosePhase, HoldPhase, MovePhase, OpenPhase, Phase, TurnPhase
 from softseam_protocol.scene.regions import RegionsSpec, SeamSpec
 from softseam_protocol.scene.spec import Positive, Spec, Vector, wrong
-from softseam_protocol.scene.tools import ToolName, ToolSpec
+from softseam_protocol.scene.tools import PlaneTool, ToolName, ToolSpec
 
 ProbeName = ToolName
 MOST_STEPS = 10_000_000
@@ -159,7 +155,12 @@ class Scene(Spec):
                 angle = phase.speed * self.step
                 raise wrong(f"{angle:.3g} rad a step, more than {LARGEST_TURN:g}", "motion", i, "speed")
             if not isinstance(phase, HoldPhase):
-                check_tools(self, phase.tools, "motion", i, "tools")
+                named = isinstance(phase, MovePhase) and isinstance(phase.move, dict)
+                check_tools(self, phase.tools, "motion", i, "move" if named else "tools", by_name=named)
+            if isinstance(phase, ClosePhase):
+                self._closes_somewhere(i, phase)
+            if isinstance(phase, OpenPhase):
+                self._closed_before(i, phase)
         self._bodies_are_told()
         for name in self.bodies:
             near = self.of(name).regions.near
@@ -173,6 +174,21 @@ class Scene(Spec):
         if self.duration is not None and self.duration / self.step > MOST_STEPS:
             raise wrong(f"{self.duration / self.step:.3g} steps, more than {MOST_STEPS:,}", "duration")
         return self
+
+    def _closes_somewhere(self, number: int, phase: ClosePhase) -> None:
+        """Raise where a tool stands at the point about which it closes, as the scene places both."""
+        for tool, spec in ((name, self.tools[name]) for name in phase.tools):
+            if phase.about is None or isinstance(spec, PlaneTool):
+                continue
+            if math.dist(spec.position, phase.about) < 1e-9:
+                raise wrong(f"the point is where {tool!r} is: name another, or leave it out", "motion", number, "about")
+
+    def _closed_before(self, number: int, phase: OpenPhase) -> None:
+        """Raise unless the tools of an opening phase were closed together by an earlier one."""
+        if any(isinstance(each, ClosePhase) and {*each.tools} == {*phase.tools} for each in self.motion[:number]):
+            return
+        told = f"no phase before this one closes {' and '.join(phase.tools)} together: close them, or move each"
+        raise wrong(told, "motion", number, "tools")
 
     def _kinds(self) -> set[str]:
         return {"cells" if isinstance(body, BodySpec) else "particles" for body in self.bodies.values()}

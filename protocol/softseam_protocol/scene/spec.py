@@ -80,6 +80,66 @@ def check_edge(edge: float, *at: str | int) -> None:
         raise wrong(f"an edge of {edge:g} m is shorter than {SMALLEST_BODY:g} m: lengths are in metres", *at)
 
 
+@dataclass(frozen=True)
+class _Turn:
+    """Of a vector: it may be given as roll, pitch and yaw, or as a quaternion, and is axis times angle once read."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(_rotation_vector, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        def numbers(count: int) -> JsonSchemaValue:
+            return {"type": "array", "items": {"type": "number"}, "minItems": count, "maxItems": count}
+
+        forms = [
+            {"type": "object", "properties": {key: numbers(count)}, "required": [key], "additionalProperties": False}
+            for key, count in _TURNS.items()
+        ]
+        return {"anyOf": [handler(schema), *forms]}
+
+
+_TURNS = {"rpy": 3, "quaternion": 4}
+"""how else a turn is given, and by how many numbers: roll, pitch, yaw about the fixed axes x, y, z in this order, as in
+URDF [rad]; w, x, y, z of any length"""
+
+
+def _rotation_vector(value: Any) -> Any:
+    """Axis times angle [rad] of a turn that is given in another form; anything else as it is."""
+    if not isinstance(value, Mapping):
+        return tuple(value) if isinstance(value, list) else value
+    if len(value) != 1 or not {*value} <= {*_TURNS}:
+        raise wrong("a turn is axis times angle [x, y, z], or a mapping with one of rpy and quaternion")
+    ((key, numbers),) = value.items()
+    if not isinstance(numbers, list | tuple) or not all(
+        isinstance(each, int | float) and not isinstance(each, bool) and math.isfinite(each) for each in numbers
+    ):
+        raise wrong(f"{key} is a list of {_TURNS[key]} numbers", key)
+    if len(numbers) != _TURNS[key]:
+        few = "few" if len(numbers) < _TURNS[key] else "many"
+        raise wrong(f"a list of {len(numbers)} has too {few} entries: {key} takes {_TURNS[key]}", key)
+    w, x, y, z = numbers if key == "quaternion" else _quaternion(*numbers)
+    if math.hypot(w, x, y, z) == 0.0:
+        raise wrong("no turn has a quaternion of zeros: [1, 0, 0, 0] is none at all", key)
+    sine = math.hypot(x, y, z)
+    share = math.copysign(2.0 * math.atan2(sine, abs(w)), w) / sine if sine > 0.0 else 0.0
+    return (share * x, share * y, share * z)
+
+
+def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """w, x, y, z of roll about x, then pitch about y, then yaw about z [rad]."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(0.5 * a), math.sin(0.5 * a)) for a in (roll, pitch, yaw))
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+Rotation = Annotated[Vector, _Turn()]
+"""axis times angle [rad]; files may say `{rpy: [...]}` or `{quaternion: [w, x, y, z]}` instead"""
+
+
 class Spec(BaseModel):
     """Base of every spec: frozen, and an unknown key is an error."""
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from softseam_protocol.scene.mesh_files import MeshPart, MeshScale, MeshUp, usual_scale, usual_up
-from softseam_protocol.scene.spec import Direction, NonNegative, OfKind, Positive, Spec, Vector
+from softseam_protocol.scene.spec import Direction, NonNegative, OfKind, Positive, Rotation, Spec, Vector
 from softseam_protocol.table import Table
 
 
@@ -25,7 +25,7 @@ class SolidTool(Spec):
     """What all tools but planes have alike. Each kind is a subclass with the keys of its own, a row of TOOLS."""
 
     kind: str
-    position: Vector = Field(description="centre at time 0 (of a mesh, the centre of its bounding box) [m]")
+    position: Vector = Field(description="centre at time 0 (of a mesh, of its bounding box, or what `place` says) [m]")
     friction: NonNegative = Field(default=0.0, description="Coulomb coefficient [1]")
     mass: NonNegative = Field(default=0.0, description="what its drive has to move [kg]")
     force_limit: Positive | None = Field(
@@ -42,7 +42,10 @@ class BoxTool(SolidTool):
 
     kind: Literal["box"] = "box"
     size: tuple[Positive, Positive, Positive] = Field(description="edge lengths [m]")
-    rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn at time 0: axis times angle [rad]")
+    rotation: Rotation = Field(
+        default=(0.0, 0.0, 0.0),
+        description="turn at time 0",
+    )
 
     def extent(self, direction: Vector) -> float:
         own = _turned_back(self.rotation, direction)
@@ -100,7 +103,13 @@ class MeshTool(SolidTool):
     part: MeshPart = None
     scale: MeshScale = Field(default_factory=usual_scale)
     up: MeshUp = Field(default_factory=usual_up)
-    rotation: Vector = Field(default=(0.0, 0.0, 0.0), description="turn at time 0: axis times angle [rad]")
+    place: Literal["centre", "origin"] = Field(
+        default="centre", description="what of the file is at `position`, and stays there as `rotation` turns it"
+    )
+    rotation: Rotation = Field(
+        default=(0.0, 0.0, 0.0),
+        description="turn at time 0",
+    )
 
 
 TOOLS: Table[type[PlaneTool] | type[SolidTool]] = Table(

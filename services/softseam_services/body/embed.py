@@ -58,7 +58,21 @@ def read_solid(
     path: str, data: bytes, scale: float | None, up: str | None, part: str | int | None = None
 ) -> tuple[Floats, Ints, tuple[str, ...]]:
     """Vertices (n, 3) [m] with the base's centre at the origin, outward triangles (T, 3), notes on what was repaired;
-    raises MeshError.
+    raises MeshError. Arguments as of `read_in_place`."""
+    vertices, triangles, notes = read_in_place(path, data, scale, up, part)
+    return vertices - base_of(vertices), triangles, notes
+
+
+def base_of(vertices: Floats) -> Floats:
+    """Centre of the base of a bounding box (3,) [m]."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    return np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
+
+
+def read_in_place(
+    path: str, data: bytes, scale: float | None, up: str | None, part: str | int | None = None
+) -> tuple[Floats, Ints, tuple[str, ...]]:
+    """The same where the file has it.
 
     scale: metres per unit of the file, None: as it tells
     up: the axis of the file that points up, None: as it tells; axes are turned cyclically, so nothing is mirrored
@@ -90,9 +104,7 @@ def read_solid(
             f"{path}: the cells sum to {raw.volume * scale**3:.6g} m^3, but their boundary encloses {volume:.6g} m^3; "
             "cells overlap, remesh"
         )
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    base = np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
-    return vertices - base, triangles, (*notes, *turned, *unit_guess(vertices, scale))
+    return vertices, triangles, (*notes, *turned, *unit_guess(vertices, scale))
 
 
 def _checked(path: str, vertices: Floats, triangles: Ints, mends: bool) -> tuple[Floats, Ints, float, tuple[str, ...]]:

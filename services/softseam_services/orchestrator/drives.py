@@ -23,26 +23,31 @@ critical on the body at rest; k, of which k_0 has a wave's impedance over a step
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene.motion import ClosePhase, MovePhase
+from softseam_protocol.scene.motion import ClosePhase, MovePhase, OpenPhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import PlaneTool, ToolSpec
 from softseam_services.body.body import Body, Material
 from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.grip import Grip, nearest_body
+from softseam_services.orchestrator.grip import nearest_body
+from softseam_services.orchestrator.grips import Grips
+from softseam_services.orchestrator.placement import AT_REST
 from softseam_services.orchestrator.program import Progress
 
 Floats = NDArray[np.float64]
 
-SPEED, STIFFNESS, RESISTANCE, WAY, LARGEST = 0, 1, 2, 3, 4
+SPEED, STIFFNESS, RESISTANCE, WAY, LARGEST, RELEASED = range(6)
 """columns of the state: [m/s], [N/m], resistance [N], way of the last step [m], resistance to the tool that feels most
-[N]; a force is held on average, so where one is, the third is the tools' mean, else it is the last"""
+[N]; a force is held on average, so where one is, the third is the tools' mean, else it is the fifth; 1 where the force
+is held no more"""
+_APART = 1e-6
+"""of the tools' speed: from which on a phase moves them apart or together [1]"""
 _FALL, _RISE = 0.8, 2.0
 """of the stiffness expected, in a step: a small way beside a large change of force may be the body's own doing"""
 _LEAST = 0.02
@@ -62,9 +67,8 @@ class Drive:
     phase: int
     """that began it"""
     tools: tuple[int, ...]
-    grip: Grip | None
-    way: Floats
-    """unit vector of a move (3,)"""
+    way: Floats | None
+    """unit vector of a move (3,); None of a grip"""
     asked: float
     """speed that is asked for after the phase [m/s]"""
     force: float
@@ -80,16 +84,13 @@ class Drive:
     stiffness: float
     """k_0 [N/m]"""
 
-    def direction(self, orientation: Floats) -> Floats:
-        """Unit vector along which the first tool closes (3,)."""
-        return self.way if self.grip is None else self.grip.axis_now(orientation)
-
 
 class Drives:
     """All drives of a scene's motion and their state, one row a drive."""
 
-    def __init__(self, scene: Scene, bodies: Sequence[AnyBody], grips: Mapping[int, Grip]) -> None:
-        self._dt = scene.step
+    def __init__(self, scene: Scene, bodies: Sequence[AnyBody], grips: Grips) -> None:
+        self._dt, self._grips, self._motion = scene.step, grips, scene.motion
+        self._index = {name: i for i, name in enumerate(scene.tools)}
         self.drives = _drives(scene, bodies, grips)
         """one of a closing phase, or of a tool that moves by itself up to its limit"""
         self._last = _last_phases(scene, self.drives)
@@ -97,37 +98,61 @@ class Drives:
             number for drive, last in zip(self.drives, self._last, strict=True) for number in range(drive.phase, last)
         }
         """in which a drive has its say"""
-        self.state = np.zeros((len(self.drives), 5))
-        self._chosen = np.zeros(len(self.drives))
+        self.state = np.zeros((len(self.drives), 6))
+        self.short = np.zeros((len(self._index), 3))
+        """way in the phase at hand from which a limit kept each tool, with its sign (t, 3) [m]"""
+        self._chosen, self._kept = np.zeros(len(self.drives)), np.zeros((len(self._index), 3))
         self.reset()
 
     def reset(self) -> None:
-        self.state[:] = 0.0
+        self.state[:], self.short[:] = 0.0, 0.0
         self.state[:, STIFFNESS] = [drive.stiffness for drive in self.drives]
 
     def apply(self, command: Floats, progress: Progress, orientation: Floats) -> None:
         """Let the drives at work in this phase have their say: command (t, 6) [m/s, rad/s] updated in place."""
+        self._kept[:] = 0.0
         for row, drive in enumerate(self.drives):
             if not drive.phase <= progress.phase < self._last[row]:
                 self._chosen[row] = 0.0
                 continue
-            way = drive.direction(orientation)
-            asked = drive.asked
-            if drive.phase == progress.phase:
-                asked = float(command[drive.tools[0], :3] @ way)
+            ways, tools = self._ways(drive, orientation), list(drive.tools)
+            asked, own = drive.asked, drive.phase == progress.phase
+            if own:
+                asked = float(command[tools[0], :3] @ ways[0])
+            elif self.state[row, RELEASED] or self._moves_apart(drive, progress.phase, command[tools, :3], ways):
+                self.state[row, RELEASED], asked = 1.0, 0.0
             speed = self._speed(row, drive, asked)
             self._chosen[row] = speed
-            change = speed - (asked if drive.phase == progress.phase else 0.0)
-            command[drive.tools[0], :3] += change * way
-            for other in drive.tools[1:]:
-                command[other, :3] -= change * way
+            change = (speed - (asked if own else 0.0)) * ways
+            command[tools, :3] += change
+            if self.state[row, RELEASED] or not math.isfinite(drive.force):
+                self._kept[tools] += self._dt * change
+
+    def _moves_apart(self, drive: Drive, phase: int, velocity: Floats, ways: Floats) -> bool:
+        """Whether a later phase moves the tools of a grip, which it gives these velocities (n, 3) [m/s], otherwise than
+        as one along their ways: it lets go of their force."""
+        moving = self._motion[phase] if phase < len(self._motion) else None
+        if drive.way is not None or not isinstance(moving, MovePhase | TurnPhase):
+            return False
+        if isinstance(moving, TurnPhase) and {*drive.tools} <= {self._index[name] for name in moving.tools}:
+            return False
+        uneven = ways - ways.mean(axis=0)
+        return abs(float((uneven * velocity).sum())) > _APART * float(np.abs(velocity).max())
+
+    def _ways(self, drive: Drive, orientation: Floats) -> Floats:
+        """Unit vectors along which its tools press (n, 3)."""
+        grip = self._grips.of(drive.phase)
+        if drive.way is not None or grip is None:
+            return np.array([drive.way])
+        return grip.inward_now(orientation)
 
     def _speed(self, row: int, drive: Drive, asked: float) -> float:
         """Eq. (2) for the force that is held and for the limit, which is one for each tool; the slower counts."""
-        before, stiffness, mean, _, largest = self.state[row].tolist()
+        before, stiffness, mean, _, largest, _ = self.state[row].tolist()
         speed = asked
         inertia = (drive.mass + drive.added) / self._dt
-        for force, resistance in ((drive.force, mean), (drive.limit, largest)):
+        held = math.inf if self.state[row, RELEASED] else drive.force
+        for force, resistance in ((held, mean), (drive.limit, largest)):
             k = stiffness if resistance > 0.0 else 0.0
             damping = 2.0 * math.sqrt(k * drive.mass) + (drive.added_damping if k > 0.0 else 0.0)
             needed = inertia * (asked - before) + resistance + k * self._dt * asked
@@ -136,12 +161,20 @@ class Drives:
                 speed = min(speed, (inertia * before + force - resistance) / give)
         return speed
 
+    def save(self) -> Floats:
+        """All that evolves (k,)."""
+        return np.concatenate([self.state.ravel(), self.short.ravel()])
+
+    def load(self, saved: Floats) -> None:
+        """Continue from `save`."""
+        state, short = np.split(saved, [self.state.size])
+        self.state[:], self.short[:] = state.reshape(self.state.shape), short.reshape(self.short.shape)
+
     def measured(self, wrench: Floats, orientation: Floats) -> None:
         """Take in what the body did to the tools (t, 6) [N, N m] in a step that `apply` was called for."""
+        self.short += self._kept
         for row, drive in enumerate(self.drives):
-            way = drive.direction(orientation)
-            felt = [-float(wrench[drive.tools[0], :3] @ way)]
-            felt += [float(wrench[other, :3] @ way) for other in drive.tools[1:]]
+            felt = (-(wrench[list(drive.tools), :3] * self._ways(drive, orientation)).sum(axis=1)).tolist()
             largest = max(0.0, *felt)
             resistance = max(0.0, sum(felt) / len(felt)) if math.isfinite(drive.force) else largest
             state = self.state[row]
@@ -152,10 +185,10 @@ class Drives:
                 k = drive.stiffness
             elif state[RESISTANCE] > 0.0 and moved != 0.0 and abs(change) > _TOLD * resistance:
                 k = min(_MOST * drive.stiffness, _RISE * k, max(change / moved, _FALL * k, _LEAST * drive.stiffness))
-            state[:] = self._chosen[row], k, resistance, moved, largest
+            state[:RELEASED] = self._chosen[row], k, resistance, moved, largest
 
 
-def _drives(scene: Scene, bodies: Sequence[AnyBody], grips: Mapping[int, Grip]) -> list[Drive]:
+def _drives(scene: Scene, bodies: Sequence[AnyBody], grips: Grips) -> list[Drive]:
     """Each against the body that its tools are nearest to; against one of particles there is none."""
     names = list(scene.tools)
     closing = {name for phase in scene.motion if isinstance(phase, ClosePhase) for name in phase.tools}
@@ -167,52 +200,51 @@ def _drives(scene: Scene, bodies: Sequence[AnyBody], grips: Mapping[int, Grip]) 
             force = math.inf if phase.force is None else phase.force
             if not math.isfinite(min(force, limit)):
                 continue
-            grip = grips[number]
-            body = grip.body
-            if not isinstance(body, Body):
+            grip = grips.of(number)
+            if grip is None or not isinstance(grip.body, Body):
                 continue
-            added, added_damping = _added(body, grip.axis, grip.width, scene.step)
+            body, way = grip.body, grip.inward[0]
+            width = float(np.ptp(bounding_points(body) @ way))
+            added, added_damping = _added(body, way, width, scene.step)
             found.append(
                 Drive(
                     phase=number,
-                    tools=(grip.first, grip.second),
-                    grip=grip,
-                    way=grip.axis,
+                    tools=grip.tools,
+                    way=None,
                     asked=0.0 if phase.force is None else phase.close,
                     force=force,
                     limit=limit,
-                    mass=0.5 * sum(_mass(spec) for spec in specs),
+                    mass=sum(_mass(spec) for spec in specs) / len(specs),
                     added=added,
                     added_damping=added_damping,
-                    stiffness=_stiffness(body, grip.width, scene.step),
+                    stiffness=_stiffness(body, width, scene.step),
                 )
             )
         elif isinstance(phase, MovePhase):
-            way = np.array(phase.move) / np.linalg.norm(phase.move)
-            for name in phase.tools:
+            for name, move in phase.ways.items():
                 spec = scene.tools[name]
-                if name in closing or not math.isfinite(_limit(spec)):
+                if name in closing or not math.isfinite(_limit(spec)) or not any(move):
                     continue
+                way = np.array(move) / np.linalg.norm(move)
                 assert not isinstance(spec, PlaneTool)  # it has no limit
-                body = nearest_body(bodies, np.array(spec.position))
-                if not isinstance(body, Body):
+                near = bodies[nearest_body(bodies, [AT_REST] * len(bodies), np.array(spec.position))]
+                if not isinstance(near, Body):
                     continue
-                width = float(np.ptp(bounding_points(body) @ way))
-                stiffness = _stiffness(body, width, scene.step)
-                added, added_damping = _added(body, way, width, scene.step)
+                width = float(np.ptp(bounding_points(near) @ way))
+                stiffness = _stiffness(near, width, scene.step)
+                added, added_damping = _added(near, way, width, scene.step)
                 tool, mass, limit = (names.index(name),), _mass(spec), _limit(spec)
-                found.append(
-                    Drive(number, tool, None, way, 0.0, math.inf, limit, mass, added, added_damping, stiffness)
-                )
+                found.append(Drive(number, tool, way, 0.0, math.inf, limit, mass, added, added_damping, stiffness))
     return found
 
 
 def _last_phases(scene: Scene, drives: list[Drive]) -> list[int]:
-    """The phase before which each drive ends: the next that closes one of its tools, or moves it unless it grips."""
+    """The phase before which each drive ends: the next that closes or opens one of its tools, or moves it unless it
+    grips."""
     names = list(scene.tools)
     ends = []
     for drive in drives:
-        kinds = ClosePhase if drive.grip is not None else (ClosePhase, MovePhase)
+        kinds = (ClosePhase, OpenPhase) if drive.way is None else (ClosePhase, OpenPhase, MovePhase)
         mine = {names[tool] for tool in drive.tools}
         later = (
             number

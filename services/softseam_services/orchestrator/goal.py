@@ -41,7 +41,8 @@ from softseam_services.fem.mesh_error import MeshError as MeshIndicator
 from softseam_services.orchestrator.adjoint import Adjoint
 from softseam_services.orchestrator.error_estimate import MESH, UNMEASURED
 from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
-from softseam_services.orchestrator.grip import grips_by_phase
+from softseam_services.orchestrator.grips import Grips
+from softseam_services.orchestrator.placement import Placement
 from softseam_services.orchestrator.probes import place_of
 from softseam_services.orchestrator.sides import Sides, merged_state
 from softseam_services.orchestrator.stress import von_mises
@@ -73,7 +74,7 @@ class Goal:
                 "goal is solved for: give a longer body.cell, or leave regions.goal out"
             )
         self._scene, self._body, self._tools = scene, body, tools
-        self._grip = next(iter(grips_by_phase(scene, tools, [body]).values()), None)
+        self._grip = Grips(scene, tools, [body]).first
         at = scene.probes.get(name)
         self._octant = None if at is None else place_of(body, name, np.asarray(at))[:2]
         self._adjoint: Adjoint | None = None
@@ -99,8 +100,7 @@ class Goal:
         if self._octant is not None:
             value = float(von_mises(cauchy[self._octant]))
         elif self._grip is not None:
-            axis = 0.5 * self._grip.axis_now(orientation)
-            pushed[self._grip.first], pushed[self._grip.second] = -axis, axis
+            pushed[list(self._grip.tools)] = -self._grip.inward_now(orientation) / len(self._grip.tools)
             touching = state.contact_tool >= 0
             value = -float((pushed[state.contact_tool[touching]] * state.contact_force[touching]).sum())
         least = _SEEN * body.material.mu * (1.0 if self._octant is not None else body.resolution**2)
@@ -147,12 +147,10 @@ class Goal:
 
     def _turned(self, x: Floats) -> Floats:
         """The body at rest in shape, turned as it is at x (N, 3) [m]."""
-        rest = self._body.x_rest - self._body.x_rest.mean(axis=0)
         if self._body.material.small:
             return self._body.x_rest
-        u, _, vt = np.linalg.svd((x - x.mean(axis=0)).T @ rest)
-        u[:, 2] *= np.linalg.det(u @ vt)
-        return np.asarray(rest @ (u @ vt).T)
+        rest = self._body.x_rest - self._body.x_rest.mean(axis=0)
+        return np.asarray(rest @ Placement.fitted(self._body.x_rest, x).turn.T)
 
     def _mesh_error(self, cells: Ints, x: Floats, y: Floats, cauchy: Floats) -> float:
         """Eq. (2) of FEM's cells, whose recovered stress stops at the seam; x and y (N, 3) as in `look`."""

@@ -13,7 +13,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.drives import Drives
-from softseam_services.orchestrator.grip import grips_by_phase
+from softseam_services.orchestrator.grips import Grips, Placed
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.orchestrator.saved_state import SavedTools
 from softseam_services.tools.motion import tool_motion
@@ -49,6 +49,8 @@ class Moved:
     phase: int
     """in which the step ends, or -1"""
     phase_ends: bool
+    ended: int
+    """which phase it was"""
     missed: str
     """what to say of a phase that ends off its force; '' of others"""
     unreached: str
@@ -59,11 +61,12 @@ class MovingTools:
     """Poses of the tools, what they do next, and what they felt.
 
     bodies  that they touch
+    placed  where each stands
     """
 
-    def __init__(self, scene: Scene, tools: ToolSet, bodies: Sequence[AnyBody]) -> None:
+    def __init__(self, scene: Scene, tools: ToolSet, bodies: Sequence[AnyBody], placed: Placed | None = None) -> None:
         self.tools, self._dt = tools, scene.step
-        grips = grips_by_phase(scene, tools, bodies)
+        grips = Grips(scene, tools, bodies, placed)
         self._drives = Drives(scene, bodies, grips)
         self.program = Program(scene.motion, scene.step, tools, grips, self._drives.phases)
         """the scene's motion"""
@@ -73,6 +76,7 @@ class MovingTools:
     def reset(self) -> None:
         """Back to the start of the scene."""
         self._progress = Progress()
+        self.program.grips.reset()
         self._drives.reset()
         self.position = self.tools.position.copy()
         """(t, 3) [m]"""
@@ -80,7 +84,7 @@ class MovingTools:
         """unit quaternions w, x, y, z (t, 4)"""
         self._gripping = np.zeros(len(self.tools.names), dtype=np.int8)
         self.lifting = False
-        """whether a tool has risen"""
+        """whether a tool has risen that touched a body"""
         self._ahead: Move | None = None  # after the step at hand, and
         self._promised: Move | None = None  # after the one that was taken
 
@@ -97,7 +101,7 @@ class MovingTools:
     @property
     def met(self) -> str:
         """The closing tools where nothing is left between them, in words; '' before."""
-        return self.program.met(max(0.0, self.program.compression(self.position, self.orientation)))
+        return self.program.met(*self.poses)
 
     def next(self, velocities: Mapping[str, Sequence[float]] | None) -> Move:
         """What the tools do in the coming step: with these velocities (see `Simulation.step`), or as the scene says.
@@ -140,6 +144,8 @@ class MovingTools:
         if move.by_hand or after is None or after.phase > self._progress.phase:
             return None
         position, orientation = move.motion.position_next, move.motion.orientation_next
+        if self.program.closes_next(after, position, orientation):
+            return None  # it is looked then where the body stands
         command, progress = self.program.step(after, position, orientation)
         gripping = self.program.gripping(after, move.gripping)
         self._ahead = self._move(command, gripping, progress, (position, orientation))
@@ -152,16 +158,25 @@ class MovingTools:
         self._promised, self._ahead = self._ahead, None
         if not move.by_hand:
             self._drives.measured(wrench, self.orientation)
+        self.program.grips.step(wrench, *self.poses, move.by_hand)
         before, after, missed, unreached = self._progress, move.after, "", ""
         closing = self.program.closing_force(before, wrench, self.orientation)
         if after is None:
             after = self.program.after(before, self.position, self.orientation, closing)
             missed = self.program.missed(before, closing) if after.phase > before.phase else ""
-        if after.phase > before.phase and not missed:
-            unreached = self.program.unreached(before, self.position, self.orientation, closing)
+        if after.phase > before.phase:
+            if not missed:
+                unreached = self.program.unreached(before, self.position, self.orientation, closing)
+            unreached = unreached or self.program.fell_short(before.phase, self._drives.short)
+            self._drives.short[:] = 0.0
         self._progress = after
-        self.lifting = self.lifting or max(move.command[:, 2].tolist(), default=0.0) > 0.0
-        return Moved(self.program.phase_of(before, after), after.phase > before.phase, missed, unreached)
+        self.lifting = self.lifting or bool((wrench[:, :3].any(axis=1) & (move.command[:, 2] > 0.0)).any())
+        ends = after.phase > before.phase
+        return Moved(self.program.phase_of(before, after), ends, before.phase, missed, unreached)
+
+    def turned_away(self, phase: int) -> str:
+        """What to say of a body that turned between tools in a phase that has just ended; '' of others."""
+        return self.program.turned_away(phase, *self.poses)
 
     def left_out(self, duration: float) -> str:
         """What to say of the motion as it stands when the duration [s] of a run is over; '' where it is over, too."""
@@ -171,18 +186,20 @@ class MovingTools:
 
     def save(self) -> SavedTools:
         """All that evolves."""
-        drives = self._drives.state
-        return SavedTools(self._progress, self.lifting, self.position, self.orientation, drives, self._gripping)
+        drives, grips = self._drives.save(), self.program.grips.save()
+        return SavedTools(self._progress, self.lifting, self.position, self.orientation, drives, self._gripping, grips)
 
     def load(self, saved: SavedTools) -> None:
         """Continue from `save`. Raises ValueError, and has changed nothing, where that is of other tools."""
         position = saved.position.reshape(self.position.shape)
         orientation = saved.orientation.reshape(self.orientation.shape)
-        drives = saved.drives.reshape(self._drives.state.shape)
+        drives = saved.drives.reshape(self._drives.save().shape)
         gripping = saved.gripping.reshape(self._gripping.shape)
+        self.program.grips.check(saved.grips)
+        self.program.grips.load(saved.grips)
         self._progress, self.lifting = saved.progress, saved.lifting
         self.position, self.orientation, self._gripping = position, orientation, gripping
-        self._drives.state[:] = drives
+        self._drives.load(drives)
         self._ahead = self._promised = None
 
     # ---- by hand

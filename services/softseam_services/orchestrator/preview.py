@@ -15,7 +15,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import rest_points
-from softseam_services.orchestrator.grip import grips_by_phase
+from softseam_services.orchestrator.grips import Grips
 from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.recorder.begin import surface_mesh
@@ -50,7 +50,8 @@ def preview(scene: Scene, bodies: Mapping[str, AnyBody], tools: ToolSet) -> Prev
     surfaces = {name: surface_mesh(header, name, body, tools.surfaces) for name, body in bodies.items()}
     points = np.concatenate([rest_points(each) if isinstance(each, Body) else each.x_rest for each in bodies.values()])
     near = _TOUCHES * float(np.ptp(points, axis=0).max())
-    program = Program(scene.motion, scene.step, tools, grips_by_phase(scene, tools, list(bodies.values())))
+    grips = Grips(scene, tools, list(bodies.values()))
+    program = Program(scene.motion, scene.step, tools, grips)
     progress, touch = Progress(), np.full(len(tools.names), -1)
     position, orientation = [tools.position], [tools.orientation]
     gap = np.empty(len(tools.names))
@@ -60,6 +61,8 @@ def preview(scene: Scene, bodies: Mapping[str, AnyBody], tools: ToolSet) -> Prev
         if program.done(progress):
             break
         phase, there = scene.motion[progress.phase], progress
+        if progress.elapsed == 0.0:
+            grips.begin(progress.phase, position[-1], orientation[-1])
         try:
             velocities, after = program.step(progress, position[-1], orientation[-1])
             motion = tool_motion(tools, position[-1], orientation[-1], velocities, scene.step)

@@ -9,17 +9,27 @@ one phase: the force is known after the step. Where it ends a phase, the tools g
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene.motion import ClosePhase, GripPhase, HoldPhase, MovePhase, Phase, ReleasePhase, TurnPhase
+from softseam_protocol.scene.motion import (
+    ClosePhase,
+    GripPhase,
+    HoldPhase,
+    MovePhase,
+    OpenPhase,
+    Phase,
+    ReleasePhase,
+    TurnPhase,
+)
 from softseam_services.orchestrator.force_search import ForceSearch, is_near
 from softseam_services.orchestrator.grip import Grip
+from softseam_services.orchestrator.grips import Grips
 from softseam_services.orchestrator.participants import StepFailed
-from softseam_services.orchestrator.unfinished import left_out, unreached
+from softseam_services.orchestrator.unfinished import fell_short, left_out, turned_away, unreached
 from softseam_services.shapes.turns import quaternion_turning, turned
 from softseam_services.tools.kernels import rotate
 from softseam_services.tools.tool_set import ToolSet
@@ -47,7 +57,7 @@ class Program:
 
     phases  of the scene
     dt      step [s]
-    grips   of the closing phases (see `grips_by_phase`)
+    grips   of the closing phases
     driven  phases in which a drive has its say (see `Drives.phases`)
     """
 
@@ -56,26 +66,20 @@ class Program:
         phases: tuple[Phase, ...],
         dt: float,
         tools: ToolSet,
-        grips: Mapping[int, Grip],
+        grips: Grips,
         driven: Collection[int] = (),
     ) -> None:
         self._phases = phases
         self._dt = dt
         self._tools = tools
-        self._grips = grips
-        self.grip = next(iter(grips.values()), None)
-        """the first two tools that close, if any do"""
+        self.grips = grips
         self._index = {name: i for i, name in enumerate(tools.names)}
         self._whole = {*driven, *self._ends()}
         """phases that take whole steps"""
         self._searches = {number: force for number, force in self._ends().items() if number not in driven}
         """forces that end phases [N], where no drive has its say"""
-        self._lengths = {
-            number: math.hypot(*(phase.move if isinstance(phase, MovePhase) else phase.turn))
-            for number, phase in enumerate(phases)
-            if isinstance(phase, _WAY)
-        }
-        """ways of moves [m] and angles of turns [rad], by phase"""
+        self._ramps = {number: phase.ramp for number, phase in enumerate(phases) if isinstance(phase, _WAY)}
+        """how far moves [m] and turns [rad] are after which time, by phase"""
         self._moves = {
             number: self._all_of(phase) for number, phase in enumerate(phases) if isinstance(phase, MovePhase)
         }
@@ -90,21 +94,29 @@ class Program:
             return -1
         return after.phase if after.elapsed > 0.0 else max(before.phase, after.phase - 1)
 
-    def compression(self, position: Floats, orientation: Floats) -> float:
-        """1 - (gap between the gripping tools)/(width of the body at rest), or 0 without a grip."""
-        return 0.0 if self.grip is None else self.grip.compression(position, orientation)
+    def closes_next(self, progress: Progress, position: Floats, orientation: Floats) -> bool:
+        """Whether tools at these poses begin to close in the coming step, after a phase that is not over yet."""
+        if self.done(progress):
+            return False
+        left, later = self._left(progress, position, orientation), progress.phase + 1
+        while left < self._dt and later < len(self._phases):
+            if isinstance(self._phases[later], ClosePhase):
+                return True
+            left += self._left(Progress(later), position, orientation)
+            later += 1
+        return False
 
     def closing_force(self, progress: Progress, wrench: Floats, orientation: Floats) -> float:
         """Mean force on the tools that close in this phase [N], of wrenches (t, 6) [N, N m]; 0 in others."""
-        grip = self._grips.get(progress.phase)
+        grip = self.grips.of(progress.phase)
         return 0.0 if grip is None else grip.force(wrench, orientation)
 
-    def met(self, compression: float) -> str:
+    def met(self, position: Floats, orientation: Floats) -> str:
         """The gripping tools where nothing is left between them, in words; '' before, and without a grip."""
-        grip = self.grip
-        if grip is None or compression < 1.0:
+        grip = self.grips.first
+        if grip is None or grip.gap(position, orientation) > 0.0:
             return ""
-        return f"{self._tools.names[grip.first]} and {self._tools.names[grip.second]} have met"
+        return f"{' and '.join(self._tools.names[tool] for tool in grip.tools)} have met"
 
     def step(self, progress: Progress, position: Floats, orientation: Floats) -> tuple[Floats, Progress | None]:
         """What the tools do in the coming step, from poses (t, 3) [m], (t, 4).
@@ -114,15 +126,17 @@ class Program:
         """
         if self.done(progress):
             return np.zeros((len(position), 6)), progress
+        if progress.elapsed == 0.0:
+            self.grips.begin(progress.phase, position, orientation)
         self._demand_gap(progress, position, orientation)
         if progress.phase in self._whole:
             duration = min(self._dt, self._left(progress, position, orientation))
             if progress.phase in self._searches:
                 duration = min(duration, self._to_force(progress, position, orientation))
-            return self._way(progress.phase, duration, position, orientation) / self._dt, None
+            return self._way(progress, duration, position, orientation) / self._dt, None
         rest, tick = self._dt, _ROUNDING * self._dt
         if self._left(progress, position, orientation) > rest + tick:
-            way = self._way(progress.phase, rest, position, orientation)
+            way = self._way(progress, rest, position, orientation)
             return way / self._dt, Progress(progress.phase, progress.elapsed + rest)
         way = np.zeros((len(position), 6))
         while rest > tick and not self.done(progress):
@@ -130,7 +144,7 @@ class Program:
                 break
             left = self._left(progress, position, orientation)
             duration = min(left, rest)
-            part = self._way(progress.phase, duration, position, orientation)
+            part = self._way(progress, duration, position, orientation)
             way += part
             rest -= duration
             if left > duration + tick:
@@ -138,6 +152,8 @@ class Program:
                 break
             progress = Progress(progress.phase + 1)
             position, orientation = _moved(part, position, orientation)
+            if not (self.done(progress) or self._waits(progress, way)):
+                self.grips.begin(progress.phase, position, orientation)
         return way / self._dt, progress
 
     def after(self, progress: Progress, position: Floats, orientation: Floats, grip_force: float) -> Progress:
@@ -147,7 +163,7 @@ class Program:
         phase = self._phases[number]
         ended = self._left(there, position, orientation) <= self._slack(number)
         if number in self._searches:
-            wanted, gap = self._searches[number], self._grips[number].gap(position, orientation)
+            wanted, gap = self._searches[number], self._grip(number).gap(position, orientation)
             assert isinstance(phase, ClosePhase)
             before = progress.search
             if progress.elapsed == 0.0:
@@ -172,12 +188,32 @@ class Program:
     def unreached(self, progress: Progress, position: Floats, orientation: Floats, force: float) -> str:
         """What to say of a phase that its time ended before its tools, at these poses and with this mean force [N], got
         where they were to; '' of others. Progress is that before its last step."""
-        phase, grip = self._phases[progress.phase], self._grips.get(progress.phase)
+        phase, grip = self._phases[progress.phase], self.grips.of(progress.phase)
         if grip is None or not isinstance(phase, ClosePhase) or phase.until.time is None:
             return ""
         if progress.elapsed + self._dt < phase.until.time * (1.0 - _ROUNDING):
             return ""  # something else ended it
         return unreached(progress.phase, phase, grip.compression(position, orientation), force)
+
+    def turned_away(self, number: int, position: Floats, orientation: Floats) -> str:
+        """What to say of a phase that ended at its compression with tools at these poses, where the body turned between
+        them instead; '' of others."""
+        phase = self._phases[number]
+        if not isinstance(phase, ClosePhase) or phase.until.compression is None:
+            return ""
+        told = self._grip(number).compression(position, orientation)
+        if told < phase.until.compression * (1.0 - _ROUNDING):
+            return ""
+        return turned_away(number, phase, told, self.grips.as_it_stands(number, position, orientation))
+
+    def fell_short(self, number: int, short: Floats) -> str:
+        """What to say of tools that a drive kept from some of their way in a phase (t, 3) [m]; '' of none."""
+        phase = self._phases[number]
+        if isinstance(phase, MovePhase):
+            ordered = {self._index[name]: np.array(way) for name, way in phase.ways.items() if any(way)}
+        else:
+            return ""
+        return fell_short(number, {self._tools.names[t]: (way, -short[t]) for t, way in ordered.items()})
 
     def left_out(self, progress: Progress, position: Floats, orientation: Floats, duration: float) -> str:
         """What to say of a motion that stands here when the duration [s] of a run is over; '' where it is over, too."""
@@ -200,12 +236,14 @@ class Program:
     def duration(self) -> float | None:
         """Length of the motion [s], or None where it depends on a force."""
         total = 0.0
+        planned = Program(self._phases, self._dt, self._tools, self.grips.fresh())
         position, orientation = self._tools.position, self._tools.orientation
         for number in range(len(self._phases)):
-            length = self._left(Progress(number), position, orientation)
+            planned.grips.begin(number, position, orientation)
+            length = planned._left(Progress(number), position, orientation)
             if math.isinf(length):
                 return None
-            way = self._way(number, length, position, orientation)
+            way = planned._way(Progress(number), length, position, orientation)
             position, orientation = _moved(way, position, orientation)
             total += length
         return total
@@ -220,12 +258,17 @@ class Program:
         if isinstance(phase, _HANDS):
             return max(0.0, (phase.grip if isinstance(phase, GripPhase) else phase.release) - progress.elapsed)
         if isinstance(phase, _WAY):
-            return max(0.0, self._lengths[progress.phase] / phase.speed - progress.elapsed)
+            return max(0.0, self._ramps[progress.phase].time - progress.elapsed)
+        if isinstance(phase, OpenPhase):
+            if phase.until is not None:
+                return max(0.0, phase.until.way / phase.open - progress.elapsed)
+            grip = self._grip(progress.phase)
+            return max(0.0, grip.spread_begun - grip.spread(position, orientation)) / (grip.rate * phase.open)
         bounds = [math.inf]
         if phase.until.compression is not None:
-            grip = self._grips[progress.phase]
-            way = grip.gap(position, orientation) - (1.0 - phase.until.compression) * grip.width
-            bounds.append(max(0.0, way) / (2.0 * phase.close))
+            grip = self._grip(progress.phase)
+            way = (phase.until.compression - grip.compression(position, orientation)) * grip.width
+            bounds.append(max(0.0, way) / (grip.rate * phase.close) if np.isfinite(grip.touch) else math.inf)
         if phase.until.time is not None:
             bounds.append(max(0.0, phase.until.time - progress.elapsed))
         return min(bounds)
@@ -233,13 +276,20 @@ class Program:
     def _demand_gap(self, progress: Progress, position: Floats, orientation: Floats) -> None:
         """Raise StepFailed where a phase that only a force ends has its tools where nothing is left between them."""
         phase, number = self._phases[progress.phase], progress.phase
-        if not isinstance(phase, ClosePhase) or phase.until.force is None or phase.until.time is not None:
+        if not isinstance(phase, ClosePhase) or phase.until.time is not None:
             return
-        if self._grips[number].gap(position, orientation) <= 0.0:
-            one, other = phase.tools
+        grip, until = self._grip(number), phase.until
+        if until.compression is not None and np.isfinite(grip.touch):
+            return
+        if grip.gap(position, orientation) <= 0.0:
+            names = " and ".join(repr(name) for name in phase.tools)
+            before, key = (
+                (f"they squeezed the body by {until.compression:g}, which they pass", "until.compression")
+                if until.force is None
+                else (f"they pressed with {until.force:g} N", "until.force")
+            )
             raise StepFailed(
-                f"motion[{number}]: {one!r} and {other!r} have met before they pressed with {phase.until.force:g} N: "
-                "ask for less in until.force, or give until.time as well"
+                f"motion[{number}]: {names} have met before {before}: ask for less in {key}, or give until.time as well"
             )
 
     def _to_force(self, progress: Progress, position: Floats, orientation: Floats) -> float:
@@ -248,8 +298,15 @@ class Program:
         assert isinstance(phase, ClosePhase)
         if search.stands:
             return 0.0
-        way = self._grips[progress.phase].gap(position, orientation) - search.to(self._searches[progress.phase])
-        return min(self._dt, max(-self._dt, way / (2.0 * phase.close)))
+        grip = self._grip(progress.phase)
+        way = grip.gap(position, orientation) - search.to(self._searches[progress.phase])
+        return min(self._dt, max(-self._dt, way / (grip.rate * phase.close)))
+
+    def _grip(self, number: int) -> Grip:
+        """Of a phase that closes or opens."""
+        grip = self.grips.of(number)
+        assert grip is not None
+        return grip
 
     def _ends(self) -> dict[int, float]:
         """Forces that end closing phases [N], by phase."""
@@ -260,8 +317,8 @@ class Program:
         """How early a phase that takes whole steps may end [s]: one that only stands ends with the nearest step."""
         phase = self._phases[number]
         if isinstance(phase, ClosePhase):
-            return _ROUNDING * max(self._dt, self._grips[number].width / (2.0 * phase.close))
-        return (_ROUNDING if isinstance(phase, _WAY) else 0.5) * self._dt
+            return _ROUNDING * max(self._dt, self._grip(number).width / (2.0 * phase.close))
+        return (_ROUNDING if isinstance(phase, (*_WAY, OpenPhase)) else 0.5) * self._dt
 
     def _waits(self, progress: Progress, way: Floats) -> bool:
         """Whether a phase waits for the next step: a force decides on it, hands open or close, or tools turn twice."""
@@ -270,19 +327,18 @@ class Program:
             return True
         return progress.phase in self._whole or isinstance(phase, _HANDS)
 
-    def _way(self, number: int, duration: float, position: Floats, orientation: Floats) -> Floats:
+    def _way(self, progress: Progress, duration: float, position: Floats, orientation: Floats) -> Floats:
         """What a phase does to the tools in a time [s], from poses (t, 3) [m], (t, 4): (t, 6) [m, rad]."""
-        phase = self._phases[number]
+        number, phase = progress.phase, self._phases[progress.phase]
         if isinstance(phase, MovePhase):
-            return phase.speed * duration / self._lengths[number] * self._moves[number]
+            return self._share(progress, duration) * self._moves[number]
         way = np.zeros((len(position), 6))
-        if isinstance(phase, ClosePhase):
-            grip = self._grips[number]
-            each = phase.close * duration * grip.axis_now(orientation)
-            way[grip.first, :3] = each
-            way[grip.second, :3] = -each
+        if isinstance(phase, ClosePhase | OpenPhase):
+            grip = self._grip(number)
+            speed = phase.close if isinstance(phase, ClosePhase) else -phase.open
+            way[list(grip.tools), :3] = speed * duration * grip.inward_now(orientation)
         elif isinstance(phase, TurnPhase):
-            rotation = phase.speed * duration / self._lengths[number] * np.array(phase.turn)
+            rotation = self._share(progress, duration) * np.array(phase.turn)
             turn = quaternion_turning(rotation)
             tools = [self._index[name] for name in phase.tools]
             centre = position[tools].mean(axis=0) if phase.about is None else np.array(phase.about)
@@ -292,10 +348,15 @@ class Program:
                 way[tool, 3:] = rotation
         return way
 
+    def _share(self, progress: Progress, duration: float) -> float:
+        """Of a move or turn, what of it is done in a time [s]."""
+        ramp = self._ramps[progress.phase]
+        return (ramp.gone(progress.elapsed + duration) - ramp.gone(progress.elapsed)) / ramp.length
+
     def _all_of(self, phase: MovePhase) -> Floats:
         """What a move does to the tools, as above."""
         way = np.zeros((len(self._index), 6))
-        way[[self._index[name] for name in phase.tools], :3] = phase.move
+        way[[self._index[name] for name in phase.ways], :3] = list(phase.ways.values())
         return way
 
 

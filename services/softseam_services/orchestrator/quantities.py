@@ -146,7 +146,9 @@ def _sag(look: Look) -> float:
 
 
 def _compression(look: Look) -> float:
-    return max(0.0, look.program.compression(look.position, look.orientation))
+    grips = look.program.grips
+    of_this = grips.first is not None and grips.first.body is look.rest.body
+    return grips.compression(look.position, look.orientation) if of_this else 0.0
 
 
 def _peak_von_mises(look: Look) -> float:
@@ -250,8 +252,8 @@ class Quantities:
         self.need_indicators = "indicators" in asked
 
     def grip_force(self, wrench: Floats, orientation: Floats) -> float:
-        """Mean force of the body on the gripping tools along the line between them [N]; orientations (t, 4)."""
-        grip = self._program.grip
+        """Mean force of the body on the tools that grip, against their ways [N]; orientations (t, 4)."""
+        grip = self._program.grips.first
         return 0.0 if grip is None else grip.force(wrench, orientation)
 
     def height(self, replies: Mapping[str, Advanced]) -> float:

@@ -81,7 +81,7 @@ class SavedTools:
 
     progress: Progress
     lifting: bool
-    """whether a tool has risen"""
+    """whether a tool has risen that touched a body"""
     position: Floats
     """(t, 3) [m]"""
     orientation: Floats
@@ -89,6 +89,8 @@ class SavedTools:
     drives: Floats
     gripping: NDArray[np.int8]
     """1 for tools that hold particles (t,)"""
+    grips: Floats
+    """see `Grips.save`"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +118,7 @@ class SavedState:
             "orientation": tools.orientation,
             "drives": tools.drives,
             "gripping": tools.gripping,
+            "grips": tools.grips,
         }
         for body, saved in self.bodies.items():
             entries.update({f"{_BODY}{body}/{name}": entry for name, entry in saved.entries().items()})
@@ -146,6 +149,7 @@ class SavedState:
                     orientation=entries["orientation"].astype(np.float64),
                     drives=entries["drives"].astype(np.float64),
                     gripping=entries["gripping"].astype(np.int8),
+                    grips=entries["grips"].astype(np.float64),
                 ),
                 bodies={name: SavedBody.read(_named(of_bodies, f"{name}/")) for name in names},
             )

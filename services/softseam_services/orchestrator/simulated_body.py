@@ -125,7 +125,7 @@ class SimulatedBody:
         """Quantities after a step, by name.
 
         wrench   of this body on the tools (t, 6) [N, N m]
-        lifting  whether a tool has risen; before, the height of the body is that from which its lift counts
+        lifting  whether a tool has risen that touched a body; before, its height is that from which its lift counts
 
         What the body had slipped by when tools lost it stays until they touch it again.
         """

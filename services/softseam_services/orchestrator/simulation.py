@@ -26,6 +26,7 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.energy_balance import Entry
 from softseam_services.orchestrator.islands import advance_all
 from softseam_services.orchestrator.moving_tools import Move, Moved, MovingTools
+from softseam_services.orchestrator.placement import AT_REST, Placement
 from softseam_services.orchestrator.probes import share_probes
 from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.regions import Regions
@@ -78,7 +79,7 @@ class Simulation:
         self._bundle, self._emit, self._participants = bundle, emit, transport
         if isinstance(transport, EmbeddedTransport):
             transport.adopt(bundle, setups)
-        self._moving = MovingTools(self.scene, self.tools, bodies)
+        self._moving = MovingTools(self.scene, self.tools, bodies, self._placed)
         self._duration = self.scene.duration
         self._warnings = ToolWarnings(self._event)
         self._clock = Clock(session, self.scene.step) if clock is None else clock.at_pace(self.scene.step)
@@ -98,7 +99,7 @@ class Simulation:
                 transport=self._transport,
                 clock=self._clock,
                 tell=self._event if len(setups) == 1 else naming(name, self._event),
-                gripped=program.grip is None or program.grip.body is setup.body,
+                gripped=program.grips.first is None or program.grips.first.body is setup.body,
             )
             for name, setup in setups.items()
         }
@@ -332,6 +333,8 @@ class Simulation:
             self._event("force", f"step {at}: {moved.missed}")
         if moved.unreached:
             self._event("not_done", f"step {at}: {moved.unreached}")
+        if moved.phase_ends and (turned := self._told(partial(self._moving.turned_away, moved.ended))):
+            self._event("not_done", f"step {at}: {turned}")
         self._warnings.follow(at, move.too_far, self._moving.met)
 
     def _tell_not_done(self, by_hand: bool) -> None:
@@ -416,6 +419,13 @@ class Simulation:
             body.load(saved.bodies[name])
 
     # ---- small parts
+
+    def _placed(self, of: AnyBody) -> Placement:
+        """Where a body stands."""
+        if self._clock.step == 0:
+            return AT_REST
+        name = next(name for name, body in self.bodies.items() if body.body is of)
+        return Placement.fitted(of.x_rest, self.frames()[name].x)
 
     def _told(self, act: Callable[[], T]) -> T | None:
         """What follows a step that is taken: where a participant is lost in it, that is told, and the step counts."""

@@ -54,6 +54,8 @@ class Geometry:
     """radius of a ball about the position that holds all of it; infinite for a half-space [m]"""
     orientation: Floats = field(default_factory=UPRIGHT.copy)
     """unit quaternion w, x, y, z at time 0 (4,)"""
+    placed_by: Floats = field(default_factory=lambda: np.zeros(3))
+    """point that the specification's position is of (3,) [m]"""
     extent: Callable[[Floats], float] | None = None
     """how far it reaches along a unit direction (3,) [m]; None: as far as the outline"""
     surface: ToolSurface | None = None

@@ -9,7 +9,7 @@ import numpy as np
 from softseam_protocol.messages.recording import ToolSurface
 from softseam_protocol.scene.tools import MeshTool
 from softseam_services.body.body import Floats, Ints
-from softseam_services.body.embed import read_solid
+from softseam_services.body.embed import base_of, read_in_place
 from softseam_services.body.errors import MeshError
 from softseam_services.body.surface_check import enclosed_volume, orient, triangle_areas
 from softseam_services.body.surface_points import refine
@@ -50,9 +50,13 @@ class ToolMesh:
     Cavities behind walls that the grid does not see are filled: no body that is outside them can come in.
     """
 
-    def __init__(self, vertices: Floats, triangles: Ints, notes: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, vertices: Floats, triangles: Ints, notes: tuple[str, ...] = (), origin: Floats | None = None
+    ) -> None:
         triangles, thin = _without_thin_walls(vertices, triangles)
         middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+        self.origin: Floats = (np.zeros(3) if origin is None else origin) - middle
+        """of the file (3,) [m]"""
         self.vertices: Floats = np.ascontiguousarray(vertices - middle)
         """(n, 3) [m]"""
         self.triangles = triangles
@@ -79,8 +83,9 @@ def tool_mesh(path: str, data: bytes, scale: float | None, up: str | None, part:
     key = (path, hashlib.sha256(data).digest(), scale, up, part)
     found = _made.pop(key, None)
     if found is None:
-        vertices, triangles, notes = read_solid(path, data, scale, up, part)
-        found = ToolMesh(vertices, triangles, notes)
+        vertices, triangles, notes = read_in_place(path, data, scale, up, part)
+        base = base_of(vertices)
+        found = ToolMesh(vertices - base, triangles, notes, -base)
         while len(_made) >= _KEPT:
             _made.pop(next(iter(_made)))
     _made[key] = found
@@ -206,6 +211,7 @@ def geometry(spec: MeshTool, files: Files) -> Geometry:
         outline=mesh.outline,
         reach=float(np.sqrt(half[0] ** 2 + half[1] ** 2 + half[2] ** 2)),
         orientation=quaternion_turning(np.array(spec.rotation)),
+        placed_by=mesh.origin if spec.place == "origin" else np.zeros(3),
         surface=ToolSurface(mesh.vertices, mesh.triangles),
         slack=0.1 * float(mesh.row[SPACING]),
         rounded=mesh.rounded,

@@ -8,11 +8,13 @@ import numpy as np
 
 from softseam_protocol.scene.motion import HoldPhase
 from softseam_protocol.scene.scene import Scene
-from softseam_protocol.scene.tools import PlaneTool
-from softseam_services.body.body import Body
+from softseam_protocol.scene.tools import PlaneTool, SolidTool
+from softseam_services.body.body import Body, Floats
 from softseam_services.body.particles import ParticleBody
 from softseam_services.shapes import SHAPES
+from softseam_services.shapes.geometry import Geometry
 from softseam_services.tools.clear import check_clear, check_clear_of_particles
+from softseam_services.tools.kernels import rotate
 from softseam_services.tools.tool_set import ToolSet
 
 
@@ -40,9 +42,7 @@ def build_tools(
         reach=np.array([each.reach for each in geometry], dtype=np.float64),
         friction=np.array([tool.friction for tool in specs], dtype=np.float64),
         near=np.array([name in near for name in names], dtype=np.bool_),
-        position=np.array(
-            [tool.point if isinstance(tool, PlaneTool) else tool.position for tool in specs], dtype=np.float64
-        ).reshape(-1, 3),
+        position=np.array([_place(spec, each) for spec, each in zip(specs, geometry, strict=True)]).reshape(-1, 3),
         orientation=np.array([each.orientation for each in geometry], dtype=np.float64).reshape(-1, 4),
         geometry=geometry,
     )
@@ -51,6 +51,13 @@ def build_tools(
     elif body is not None:
         check_clear(tools, body)
     return tools
+
+
+def _place(spec: PlaneTool | SolidTool, geometry: Geometry) -> Floats:
+    """Where a tool's centre is at time 0, or a point of a plane (3,) [m]."""
+    if isinstance(spec, PlaneTool):
+        return np.array(spec.point, dtype=np.float64)
+    return np.asarray(np.array(spec.position) - rotate(geometry.orientation, *geometry.placed_by))
 
 
 def near_tools(scene: Scene) -> frozenset[str]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene.motion import ClosePhase, MovePhase, TurnPhase
+from softseam_protocol.scene.motion import ClosePhase, MovePhase, OpenPhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.symmetry import SAME, SymmetryPlane, asymmetric, symmetry_plane
@@ -63,13 +63,16 @@ def _check_motion(scene: Scene, plane: SymmetryPlane, image: NDArray[np.int32]) 
     """Raise SettingError, naming the phase, where the motion does not move images (t,) as images."""
     names, e = tuple(scene.tools), plane.axis
     for i, phase in enumerate(scene.motion):
-        if not isinstance(phase, ClosePhase | MovePhase | TurnPhase):
+        if not isinstance(phase, ClosePhase | OpenPhase | MovePhase | TurnPhase):
             continue
         moved = {names.index(name) for name in phase.tools}
         if lone := sorted(names[t] for t in moved if int(image[t]) not in moved):
             raise asymmetric(e, f"motion.{i} moves {lone[0]!r} without its image: move both")
-        if isinstance(phase, MovePhase) and abs(phase.move[e]) > _NOTHING:
-            raise asymmetric(e, f"motion.{i} moves tools across the plane: give `move` no component there")
+        if isinstance(phase, MovePhase):
+            ways = {names.index(name): np.array(way) for name, way in phase.ways.items()}
+            mirror = np.where(np.arange(3) == e, -1.0, 1.0)
+            if any(np.abs(ways[int(image[t])] - mirror * way).max() > _NOTHING for t, way in ways.items()):
+                raise asymmetric(e, f"motion.{i} moves tools across the plane: move each as its image")
         if isinstance(phase, TurnPhase):
             across = math.hypot(*(part for axis, part in enumerate(phase.turn) if axis != e))
             aside = phase.about is not None and abs(phase.about[e] - plane.place) > _NOTHING
