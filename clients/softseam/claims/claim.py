@@ -6,7 +6,7 @@ claim = a (min(x, d0) + b max(x - d0, 0)) + c delta x + s + f |J|,   d0 = 0.05 |
 delta = (1/E) sum_i min(D_i, max(K_i-1, K_i)),   at most 1                                                        (4)
 
 is the claim of the curve. What is read off it (readings.py) has a claim of its own, by what is read off the sibling's:
-eq. (3) with
+g times eq. (3), and h times what changes in a step beside a peak, of tools' forces 2 h, with
 
 d_r = |r - r_sibling| + e d,   s of that number,   max(|r|, |J|) in place of |J|                                  (5)
 
@@ -15,12 +15,14 @@ s    where a force ends a phase or is kept, the next begins at the end of a step
 a    the sibling errs by more, (1) of sibling.py, but errors grow slowly at edges; and XPBD errs otherwise than FEM. The
      forces of tools on a body that nothing holds are of blows, which err as the root of a step: a = 1/(2^(1/2) - 1)
 b    of large differences most is the sibling's own error, which grew faster than its cells; of a run by XPBD less is,
-     for its model may err by as much. Slip begins where friction is spent, at a time that both runs may miss: b = 1
+     for its model may err by as much, and of stress, which follows from derivatives. Slip begins where friction is
+     spent, at a time that both runs may miss: b = 1
 c    where steps take much of the motion, their error no longer grows with their length: what swings or rebounds within
      a few steps is lost by the run and by its sibling alike. K is the kinetic energy, D what a step took, and E the
      largest energy. What steps take beyond the motion that there was is of bodies that tools press slowly, whose work
      implicit Euler counts by the force at the end of the step: that changes forces little
 e    two curves meet now and then, where what is read off both is the same by chance; not so where both are 0
+h    the true peak is between two steps
 f    two curves that cross, or that an edge within a cell bends alike, differ by less than either errs; forces of tools
      most often, whose edges lie anywhere within cells of both
 
@@ -58,7 +60,7 @@ LARGE = 0.05
 BEYOND = 0.2
 """b, of a run by FEM [1]"""
 BEYOND_OTHERWISE = 0.4
-"""and of one by XPBD, or by both models [1]"""
+"""and of one by XPBD, or by both models, and of stress [1]"""
 OF_MOTION = 4.0
 """c [1]"""
 LEAST = 0.002
@@ -67,8 +69,12 @@ LEAST_OF_TOOLS = 0.01
 """and of forces of tools [1]"""
 FINER = 2.0
 """times d that is claimed where the sibling's cells and steps are half as long, so that d is less than the error [1]"""
-OF_CURVE = 0.3
+OF_CURVE = 0.5
 """e of eq. (5) [1]"""
+READ = 0.8
+"""g [1]"""
+BESIDE = 0.5
+"""h [1]"""
 SLIDES = 0.05
 """slip over the longest edge of the run's cells from which on a body slides, and does not creep [1]"""
 NEXT_TO_NOTHING = 0.1
@@ -116,6 +122,8 @@ class Scale:
         kind = name.rpartition(".")[2]
         if kind == "slip":
             return replace(self, beyond=1.0)
+        if quantity(name).unit == "Pa":
+            return replace(self, beyond=BEYOND_OTHERWISE)
         if kind not in OF_TOOLS:
             return self
         return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OF_TOOLS)
@@ -180,10 +188,11 @@ def _claim(
     found = _settled(name, own.claim(off, size, in_a_step(entry)), size, f"{apart} with {longer} cells and steps")
     unit, factor = shown_unit(name)
     for reading, read in READINGS.items():
-        (value, late), (there, _) = read(*measured(entry)), read(*measured(other))
+        (value, late, beside), (there, _, _) = read(*measured(entry)), read(*measured(other))
         told = f"{factor * value:.4g} {unit} here, {factor * there:.4g} {unit} with {longer} cells and steps"
         by_chance = 0.0 if is_nothing(name, abs(value)) and is_nothing(name, abs(there)) else OF_CURVE * off
-        claim = own.claim(abs(value - there) + by_chance, max(abs(value), size), late)
+        claim = READ * own.claim(abs(value - there) + by_chance, max(abs(value), size), late)
+        claim += BESIDE * beside * (2.0 if name.rpartition(".")[2] in OF_TOOLS else 1.0)
         found[reading] = {"value": value} | _settled(name, claim, max(abs(value), NEXT_TO_NOTHING * size), told)
     return found
 

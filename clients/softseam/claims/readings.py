@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Read = Callable[[Floats, Floats], tuple[float, float]]
-"""of times (n,) [s] and values (n,): the number, and by how much it changes where all comes a step later"""
+Read = Callable[[Floats, Floats], tuple[float, float, float]]
+"""of times (n,) [s] and values (n,): the number, by how much it changes where all comes a step later, and what changes
+in a step beside a peak"""
 
 
 def measured(entry: Mapping[str, Any]) -> tuple[Floats, Floats]:
@@ -20,21 +21,26 @@ def measured(entry: Mapping[str, Any]) -> tuple[Floats, Floats]:
     return time[known], values[known]
 
 
-def _end(time: Floats, values: Floats) -> tuple[float, float]:
-    return float(values[-1]), abs(float(values[-1] - values[-2])) if len(values) > 1 else 0.0
+def _end(time: Floats, values: Floats) -> tuple[float, float, float]:
+    return float(values[-1]), _largest(np.diff(values[-2:])), 0.0
 
 
-def _peak(time: Floats, values: Floats) -> tuple[float, float]:
+def _peak(time: Floats, values: Floats) -> tuple[float, float, float]:
     """The value farthest from 0, whenever it comes."""
-    return float(values[np.argmax(np.abs(values))]), 0.0
+    at = int(np.argmax(np.abs(values)))
+    return float(values[at]), 0.0, _largest(np.diff(values[max(0, at - 1) : at + 2]))
 
 
-def _mean(time: Floats, values: Floats) -> tuple[float, float]:
+def _mean(time: Floats, values: Floats) -> tuple[float, float, float]:
     """Over time; a step later its last value is gone, and the first counts twice."""
     if len(time) < 2:
-        return float(values[-1]), 0.0
+        return float(values[-1]), 0.0, 0.0
     late = abs(float(values[-1] - values[0])) / (len(values) - 1)
-    return float(np.trapezoid(values, time) / (time[-1] - time[0])), late
+    return float(np.trapezoid(values, time) / (time[-1] - time[0])), late, 0.0
+
+
+def _largest(changes: Floats) -> float:
+    return float(np.abs(changes).max(initial=0.0))
 
 
 READINGS: dict[str, Read] = {"end": _end, "peak": _peak, "mean": _mean}
