@@ -197,9 +197,7 @@ def _claim(
     return found
 
 
-def _why_none(
-    name: str, entry: Mapping[str, Any], other: Mapping[str, Any] | None, scale: Scale, grown: float
-) -> str:
+def _why_none(name: str, entry: Mapping[str, Any], other: Mapping[str, Any] | None, scale: Scale, grown: float) -> str:
     """Why nothing is claimed of a quantity: a word or two, a colon, and a sentence; '' where something is."""
     if quantity(name).group == "error":
         return "an estimate itself: it tells how far this one run is off, and has no error of its own"
@@ -231,8 +229,10 @@ def _settled(name: str, claim: float, size: float, told: str) -> dict[str, Any]:
 def _nothing(entry: Mapping[str, Any], why: str) -> dict[str, Any]:
     """No claim of a quantity with this entry."""
     time, values = measured(entry)
-    none = {"absolute": None, "share": None, "why": why}
-    return none | {name: {"value": read(time, values)[0] if len(time) else None} | none for name, read in READINGS.items()}
+    none: dict[str, Any] = {"absolute": None, "share": None, "why": why}
+    return none | {
+        name: {"value": read(time, values)[0] if len(time) else None} | none for name, read in READINGS.items()
+    }
 
 
 def growing(run: Mapping[str, Any], sibling: Mapping[str, Any], finer: bool) -> dict[str, float]:
