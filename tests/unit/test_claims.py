@@ -27,6 +27,7 @@ from softseam.claims.claim import (
     Scale,
     claims,
     difference,
+    in_a_step,
     motion_taken,
 )
 from softseam.claims.estimate import compared
@@ -239,7 +240,9 @@ def test_slip_is_claimed_where_the_body_slides(largest: float) -> None:
         slid = claimed("slip", largest * TIME, 40.0 * largest * TIME, scale)
         assert slid["end"]["absolute"] is None and slid["end"]["why"].startswith("not settled: ")
     else:
-        assert found["share"] == pytest.approx(SMALL * 0.3 + LEAST)
+        run = entry(TIME, largest * TIME)
+        late = in_a_step(run) / difference(run, run)[1]
+        assert found["share"] == pytest.approx(late + OF_BLOWS * (0.3 - late) + LEAST)
 
 
 def test_outcomes_that_differ_are_not_settled(block: str) -> None:

@@ -10,13 +10,15 @@ g times eq. (3), and h times what changes in a step beside a peak, of tools' for
 
 d_r = |r - r_sibling| + e d,   s of that number,   max(|r|, |J|) in place of |J|                                  (5)
 
+Slip begins at the end of a step where friction is spent, a threshold that both runs may miss: s counts, b = 1, and a is
+that of blows. A lift is less by what slips: b = 1.
+
 s    where a force ends a phase or is kept, the next begins at the end of a step, whenever the force was reached: up to
      one step late in the run, up to two of these in the sibling. So much of d says nothing of cells
 a    the sibling errs by more, (1) of sibling.py, but errors grow slowly at edges; and XPBD errs otherwise than FEM. The
      forces of tools on a body that nothing holds are of blows, which err as the root of a step: a = 1/(2^(1/2) - 1)
 b    of large differences most is the sibling's own error, which grew faster than its cells; of a run by XPBD less is,
-     for its model may err by as much, and of stress, which follows from derivatives. Slip begins where friction is
-     spent, at a time that both runs may miss: b = 1
+     for its model may err by as much, and of stress, which follows from derivatives
 c    where steps take much of the motion, their error no longer grows with their length: what swings or rebounds within
      a few steps is lost by the run and by its sibling alike. K is the kinetic energy, D what a step took, and E the
      largest energy. What steps take beyond the motion that there was is of bodies that tools press slowly, whose work
@@ -24,7 +26,7 @@ c    where steps take much of the motion, their error no longer grows with their
 e    two curves meet now and then, where what is read off both is the same by chance; not so where both are 0
 h    the true peak is between two steps
 f    two curves that cross, or that an edge within a cell bends alike, differ by less than either errs; forces of tools
-     most often, whose edges lie anywhere within cells of both
+     most often, whose edges lie anywhere within cells of both, and stress
 
 Nothing is claimed of slip while a body only creeps: points beside the edges of a contact slide by a hundredth of a
 cell, of which neither these cells nor longer ones tell. And what would be claimed to be off by more than it is, is *not
@@ -51,10 +53,10 @@ from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 
-SMALL = 1.75
+SMALL = 2.0
 """a of eq. (3) [1]"""
 OF_BLOWS = 2.4
-"""a of forces between tools and bodies that nothing holds [1]"""
+"""a of forces between tools and bodies that nothing holds, and of slip [1]"""
 LARGE = 0.05
 """d0 over |J| [1]"""
 BEYOND = 0.2
@@ -66,12 +68,12 @@ OF_MOTION = 4.0
 LEAST = 0.002
 """f [1]"""
 LEAST_OF_TOOLS = 0.01
-"""and of forces of tools [1]"""
+"""and of forces of tools, and of stress [1]"""
 FINER = 2.0
 """times d that is claimed where the sibling's cells and steps are half as long, so that d is less than the error [1]"""
 OF_CURVE = 0.5
 """e of eq. (5) [1]"""
-READ = 0.8
+READ = 0.7
 """g [1]"""
 BESIDE = 0.5
 """h [1]"""
@@ -121,9 +123,11 @@ class Scale:
         """That of a quantity."""
         kind = name.rpartition(".")[2]
         if kind == "slip":
+            return replace(self, small=OF_BLOWS, beyond=1.0, timed=True)
+        if kind == "lift_height":
             return replace(self, beyond=1.0)
         if quantity(name).unit == "Pa":
-            return replace(self, beyond=BEYOND_OTHERWISE)
+            return replace(self, beyond=BEYOND_OTHERWISE, least=LEAST_OF_TOOLS)
         if kind not in OF_TOOLS:
             return self
         return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OF_TOOLS)
