@@ -1,9 +1,9 @@
 """Do claims hold? Regenerates docs/results/claims.md: `make claims`.
 
-Each scene of claim_scenes.py, claim_variants.py, claim_others.py and claim_grips.py is run as it is, as its sibling, and as its truth:
-by FEM, on cells half as long or shorter, with steps a quarter as long. The error of a quantity is the L2 norm over time
-of its difference to the truth's. What was run is kept in out/claims, so what was interrupted goes on where it was;
-other solvers begin anew. All of it takes some ten minutes of one core.
+Each scene of claim_scenes.py, claim_variants.py, claim_others.py and claim_grips.py is run as it is, as its sibling,
+and as its truth: by FEM, on cells half as long or shorter, with steps a quarter as long. The error of a curve is the L2
+norm over time of its difference to the truth's. What was run is kept in out/claims, so what was interrupted goes on
+where it was; other solvers begin anew. All of it takes some twenty minutes of one core.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def main() -> None:
         key = hashlib.sha256(f"{solvers} {scene_hash(bundle_scene(case.scene, case.files))} {case.truth}".encode())
         path = KEPT / f"{case.scene.name}-{key.hexdigest()[:12]}.json"
         if not path.exists():
-            path.write_text(json.dumps(measured(case)))
+            path.write_text(json.dumps(three_runs(case)))
         found = rows_of(case, among, seed, json.loads(path.read_text()))
         rows += found
         for row in found:
@@ -65,7 +65,7 @@ def main() -> None:
     (ROOT / "docs" / "results" / "claims.md").write_text(page(rows, machine(), solvers[:12]))
 
 
-def measured(case: Case) -> dict[str, Any]:
+def three_runs(case: Case) -> dict[str, Any]:
     """The run, its sibling, and the truth."""
     bundle = bundle_scene(case.scene, case.files)
     with Session(case.scene, bundle, EmbeddedBackend(bundle)) as session:
