@@ -21,8 +21,11 @@ from softseam.study.configurations import Configuration, Fem
 from softseam.study.errors import KNOWN, errors, sure
 from softseam.study.measure import Outcome
 from softseam.study.plan import Goal, Plan, Tried
+from softseam.study.prescribed import prescribed
 from softseam.study.reference import Reference, in_words, origin
 from softseam.study.sweep import learn
+from softseam.view.colors import label
+from softseam_protocol.scene.scene import Scene
 
 Run = tuple[Configuration, Outcome]
 Measure = Callable[[Configuration, Callable[[Outcome], bool]], Outcome]
@@ -43,7 +46,17 @@ runs [1]"""
 
 
 class NoPlan(SoftseamError):
-    """Nothing that was tried is accurate enough and fast enough."""
+    """Nothing that was tried is accurate enough and fast enough, or nothing that was asked for can be promised."""
+
+
+def promised(scene: Scene, names: Iterable[str]) -> tuple[str, ...]:
+    """Of these quantities those that a plan can promise: what the motion prescribes any run has. Raises NoPlan where
+    it prescribes all."""
+    given, asked = prescribed(scene), tuple(names)
+    if found := tuple(name for name in asked if name not in given):
+        return found
+    told = "; ".join(f"{label(name)} ({given[name]})" for name in asked)
+    raise NoPlan(f"a plan would promise nothing: {told}; ask for more, e.g. quantities: [grip_force, sag]")
 
 
 def counts_to(tolerance: float) -> float:
