@@ -119,7 +119,9 @@ def plan(
     ] = None,
     minutes: Annotated[
         float | None,
-        typer.Option(metavar="MINUTES", help="Longest by the clock, without compiling; default: 1, of a mesh 3, or as found."),
+        typer.Option(
+            metavar="MINUTES", help="Longest by the clock, without compiling; default: 1, of a mesh 3, or as found."
+        ),
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Forget the stored plan, reference and runs.")] = False,
     settings: Settings = None,

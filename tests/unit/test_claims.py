@@ -21,6 +21,7 @@ from softseam.claims.claim import (
     OF_BLOWS,
     OF_CURVE,
     OF_MOTION,
+    OF_SLIP,
     READ,
     SLIDES,
     SMALL,
@@ -242,7 +243,7 @@ def test_slip_is_claimed_where_the_body_slides(largest: float) -> None:
     else:
         run = entry(TIME, largest * TIME)
         late = in_a_step(run) / difference(run, run)[1]
-        assert found["share"] == pytest.approx(late + OF_BLOWS * (0.3 - late) + LEAST)
+        assert found["share"] == pytest.approx(late + OF_SLIP * (0.3 - late) + LEAST)
 
 
 def test_outcomes_that_differ_are_not_settled(block: str) -> None:

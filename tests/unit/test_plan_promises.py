@@ -70,7 +70,7 @@ def test_a_force_whose_levels_grow_is_known_to_how_far_they_went() -> None:
 def test_a_deadline_is_of_wall_time_and_knows_a_busy_machine() -> None:
     """Compiling comes on top, reading what was compiled does not; runs that took thrice their processor's time do."""
     compiled = [0.0]
-    deadline = Deadline(10.0, lambda: (compiled[0], 0.0))
+    deadline = Deadline(10.0, lambda: (99.0, compiled[0]))
     assert 9.5 < deadline.left() <= 10.0 and deadline.before(4.0).left() == pytest.approx(6.0, abs=0.5)
     assert deadline.fits(9.0) and not deadline.fits(9.0, keep=2.0)
     deadline.learn(Outcome("done", walls=(3.0,), cpu=1.0))

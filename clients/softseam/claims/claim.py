@@ -11,7 +11,7 @@ g times eq. (3), and h times what changes in a step beside a peak, of tools' for
 d_r = |r - r_sibling| + e d,   s of that number,   max(|r|, |J|) in place of |J|                                  (5)
 
 Slip begins at the end of a step where friction is spent, a threshold that both runs may miss: s counts, b = 1, and a is
-that of blows. A lift is less by what slips: b = 1.
+more. A lift is less by what slips: b = 1.
 
 s    where a force ends a phase or is kept, the next begins at the end of a step, whenever the force was reached: up to
      one step late in the run, up to two of these in the sibling. So much of d says nothing of cells
@@ -56,7 +56,9 @@ Floats = NDArray[np.float64]
 SMALL = 2.0
 """a of eq. (3) [1]"""
 OF_BLOWS = 2.4
-"""a of forces between tools and bodies that nothing holds, and of slip [1]"""
+"""a of forces between tools and bodies that nothing holds [1]"""
+OF_SLIP = 3.0
+"""a of slip [1]"""
 LARGE = 0.05
 """d0 over |J| [1]"""
 BEYOND = 0.2
@@ -123,7 +125,7 @@ class Scale:
         """That of a quantity."""
         kind = name.rpartition(".")[2]
         if kind == "slip":
-            return replace(self, small=OF_BLOWS, beyond=1.0, timed=True)
+            return replace(self, small=OF_SLIP, beyond=1.0, timed=True)
         if kind == "lift_height":
             return replace(self, beyond=1.0)
         if quantity(name).unit == "Pa":

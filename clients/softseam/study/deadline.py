@@ -10,7 +10,7 @@ from time import perf_counter
 from softseam.study.measure import Clock, Outcome
 
 READING = 3.0
-"""what reading kernels that were compiled may take of the time; more is compiling [s]"""
+"""processor time that reading kernels may take, which were compiled before; more is compiling [s]"""
 
 
 class Deadline:
@@ -31,7 +31,7 @@ class Deadline:
 
     def left(self) -> float:
         """Until it [s]."""
-        return self._ends - perf_counter() + max(0.0, self._compiled()[0] - READING)
+        return self._ends - perf_counter() + max(0.0, self._compiled()[1] - READING)
 
     def fits(self, seconds: float, keep: float = 0.0) -> bool:
         """Whether a run whose processor is foreseen to take so long ends before it, and leaves `keep` [s]."""

@@ -77,12 +77,14 @@ def find(wishes: Wishes, console: Console, begins: Callable[[str], None] = lambd
 
     begins  is told what begins, and how long it may take, where nothing that is stored will do
     """
-    with compile_clock() as compiled:
-        return _found(wishes, console, begins, compiled)
-
-
-def _found(wishes: Wishes, console: Console, begins: Callable[[str], None], compiled: Clock) -> Plan:
     began, goal = perf_counter(), _goal(wishes)
+    with compile_clock() as compiled:  # which loads the solvers
+        return _found(wishes, goal, console, begins, compiled, began)
+
+
+def _found(
+    wishes: Wishes, goal: Goal, console: Console, begins: Callable[[str], None], compiled: Clock, began: float
+) -> Plan:
     study = study_of(wishes.scene, wishes.settings)
     is_mesh = isinstance(study.scene.body, BodySpec) and not isinstance(study.scene.body.shape, BlockShape)
     usual = MINUTES_OF_MESH if is_mesh else MINUTES
