@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from time import perf_counter
 from typing import Annotated
 
 import typer
@@ -128,11 +129,12 @@ def plan(
     settings: Settings = None,
 ) -> None:
     """Find the least that a scene needs: the fastest way to simulate it within a tolerance."""
+    began = perf_counter()
     from softseam.study.plan_command import Wishes
     from softseam.study.plan_command import plan as find_plan
 
     wishes = Wishes(scene, tuple(settings or ()), tolerance, rtf, tuple(quantities or ()), minutes, fresh)
-    find_plan(wishes, Console())
+    find_plan(wishes, Console(), began)
 
 
 def calibrate(

@@ -193,6 +193,8 @@ def test_a_peak_is_claimed_by_the_peaks_of_both_runs() -> None:
     rule = READ * PLAIN.at("grip_force").claim(own + over, 2.0, 0.0) + BESIDE * 1.0
     assert found["peak"]["absolute"] == pytest.approx(rule)
     assert found["end"]["absolute"] < 0.6 * found["peak"]["absolute"]
+    squeeze = np.minimum(TIME, 0.5)
+    assert claimed("compression", squeeze, squeeze)["peak"]["share"] < 0.01  # tools stop within a step
     swing = claimed("tip_deflection", -TIME, -0.9 * TIME)
     assert swing["peak"]["value"] == -1.0 and swing["mean"]["value"] == pytest.approx(-0.55)
     assert swing["peak"]["absolute"] > swing["mean"]["absolute"] > 0.0

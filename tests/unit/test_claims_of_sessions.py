@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -76,12 +77,16 @@ def test_what_is_known_well_is_no_event() -> None:
         "lift_height": (large, large, "m", False),
         "peak_von_mises": (large, large, "Pa", True),
     }
-    claims = {name: {"end": end, "peak": peak} for name, (end, peak, _, _) in cases.items()}
+    claims: dict[str, Any] = {
+        name: {"end": {"value": 1.0} | end, "peak": {"value": 2.0} | peak} for name, (end, peak, _, _) in cases.items()
+    }
     report = {"quantities": {name: {"unit": unit, "asked": asked} for name, (_, _, unit, asked) in cases.items()}}
     told = sentence(report, {"settled": True, "quantities": claims})
     assert told == "grip force at its peak ± 0.4 N (40 %): make body.cell and step 0.35 times as long"
     assert sentence(report, {"settled": None, "quantities": {}}) == ""
-    claims["sag"]["end"] = bad
+    claims["sag"]["end"] = bad | {"value": 0.1}  # next to nothing
+    assert sentence(report, {"settled": True, "quantities": claims}) == told
+    claims["sag"]["end"]["value"] = 1.0
     assert "sag at the end not settled: so: make body.cell and step 0.25" in sentence(
         report, {"settled": True, "quantities": claims}
     )

@@ -24,7 +24,7 @@ c    where steps take much of the motion, their error no longer grows with their
      largest energy. What steps take beyond the motion that there was is of bodies that tools press slowly, whose work
      implicit Euler counts by the force at the end of the step: that changes forces little
 e    two curves meet now and then, where what is read off both is the same by chance; not so where both are 0
-h    the true peak is between two steps
+h    the true peak is between two steps, but for compression: tools stop within a step
 f    two curves that cross, or that an edge within a cell bends alike, differ by less than either errs; forces of tools
      most often, whose edges lie anywhere within cells of both, and stress
 
@@ -99,6 +99,7 @@ class Scale:
     small  a of eq. (3) [1]
     beyond b of eq. (3) [1]; None: by the models
     least  f of eq. (3) [1]
+    beside h, times 2 of tools' forces [1]
     cell   longest edge of the run's cells; 0 where any slip is of a body that slides [m]
     """
 
@@ -110,6 +111,7 @@ class Scale:
     small: float = SMALL
     beyond: float | None = None
     least: float = LEAST
+    beside: float = BESIDE
     cell: float = 0.0
 
     @classmethod
@@ -126,13 +128,15 @@ class Scale:
         kind = name.rpartition(".")[2]
         if kind == "slip":
             return replace(self, small=OF_SLIP, beyond=1.0, timed=True)
+        if kind == "compression":
+            return replace(self, beside=0.0)
         if kind == "lift_height":
             return replace(self, beyond=1.0)
         if quantity(name).unit == "Pa":
             return replace(self, beyond=BEYOND_OTHERWISE, least=LEAST_OF_TOOLS)
         if kind not in OF_TOOLS:
             return self
-        return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OF_TOOLS)
+        return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OF_TOOLS, beside=2.0 * BESIDE)
 
     @property
     def factor(self) -> float:
@@ -198,7 +202,7 @@ def _claim(
         told = f"{factor * value:.4g} {unit} here, {factor * there:.4g} {unit} with {longer} cells and steps"
         by_chance = 0.0 if is_nothing(name, abs(value)) and is_nothing(name, abs(there)) else OF_CURVE * off
         claim = READ * own.claim(abs(value - there) + by_chance, max(abs(value), size), late)
-        claim += BESIDE * beside * (2.0 if name.rpartition(".")[2] in OF_TOOLS else 1.0)
+        claim += own.beside * beside
         found[reading] = {"value": value} | _settled(name, claim, max(abs(value), NEXT_TO_NOTHING * size), told)
     return found
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from softseam.claims.claim import NEXT_TO_NOTHING
 from softseam.columns import shown_unit
 from softseam.view.colors import label
 from softseam_protocol.messages.outcomes import EventKind
@@ -21,7 +22,8 @@ def sentence(report: Mapping[str, Any], claims: Mapping[str, Any]) -> str:
     """What is claimed of the quantities that the scene asks for and of more than BOUND, with a remedy; '' where all are
     known better, or nothing is claimed.
 
-    Of each the worse of its end and its peak counts. Stress is told of by itself, in the energy norm.
+    Of each the worse of its end and its peak counts, but no end that is next to nothing beside its peak. Stress is told
+    of by itself, in the energy norm.
     """
     if claims["settled"] is None:
         return ""
@@ -30,9 +32,9 @@ def sentence(report: Mapping[str, Any], claims: Mapping[str, Any]) -> str:
         entry = report["quantities"][name]
         if not entry["asked"] or entry["unit"] == "Pa":
             continue
-        share, text = max(
-            (_told(name, reading, claim[reading]) for reading in ("end", "peak")), key=lambda each: each[0]
-        )
+        end, peak = ((claim[reading]["value"] or 0.0) for reading in ("end", "peak"))
+        readings = ("end", "peak") if abs(end) > NEXT_TO_NOTHING * abs(peak) else ("peak",)
+        share, text = max((_told(name, each, claim[each]) for each in readings), key=lambda told: told[0])
         if share > BOUND:
             told.append(text)
             largest = max(largest, share)

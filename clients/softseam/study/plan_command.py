@@ -32,8 +32,8 @@ from softseam.view.colors import label
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.scene import Scene
 
-STARTING = 2.0
-"""that the program takes before a search begins, and after it [s]"""
+STARTING = 4.0
+"""that the program may take before a search begins, and after it, on a busy machine [s]"""
 MINUTES, MINUTES_OF_MESH = 1.0, 3.0
 """that a search may run where nobody says how long, of a block or particles, and of a mesh"""
 RUNS = 1
@@ -62,22 +62,27 @@ class Wishes:
     """see `Goal`"""
 
 
-def plan(wishes: Wishes, console: Console) -> Plan:
+def plan(wishes: Wishes, console: Console, began: float | None = None) -> Plan:
     """Find the plan, or read it from the cache, and print it.
+
+    began  when its minutes began, on the clock of perf_counter [s]; None: now
 
     Raises BadInput, SceneRefused, and NoPlan where nothing is accurate and fast enough.
     """
-    found = find(wishes, console)
+    found = find(wishes, console, began=began)
     show(found, console)
     return found
 
 
-def find(wishes: Wishes, console: Console, begins: Callable[[str], None] = lambda _: None) -> Plan:
+def find(
+    wishes: Wishes, console: Console, begins: Callable[[str], None] = lambda _: None, began: float | None = None
+) -> Plan:
     """The plan, from the cache where it is there and as many minutes would have found no other.
 
     begins  is told what begins, and how long it may take, where nothing that is stored will do
+    began   as of `plan`
     """
-    began, goal = perf_counter(), _goal(wishes)
+    began, goal = perf_counter() if began is None else began, _goal(wishes)
     with compile_clock() as compiled:  # which loads the solvers
         return _found(wishes, goal, console, begins, compiled, began)
 
