@@ -234,7 +234,8 @@ def _followed(
     except _Stopped:
         status = "stopped"
     if status == "stopped" or interrupt.ended:
-        status, reason = "stopped", f"stopped at {last.time:.3g} s of motion, after {watch.read().own:.0f} s"
+        ran = min(limit, watch.read().own)
+        status, reason = "stopped", f"stopped at {last.time:.3g} s of motion, after {ran:.0f} s"
     series, taken = builder.build(), watch.read()
     if status == "done" and not series.finite():
         status, reason = "failed", "it diverged: a quantity is not a number"
