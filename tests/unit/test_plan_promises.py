@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from softseam.scenes import load_scene
+from softseam.study import plan_command
 from softseam.study.deadline import READING, Deadline
 from softseam.study.errors import Truth
 from softseam.study.measure import Outcome, measure
@@ -86,3 +89,25 @@ def test_runs_end_when_no_time_is_left() -> None:
     assert stopped.status == "stopped" and stopped.series is None
     once = measure("tofu_grasp", ("motion=[{hold: 0.02}]",), ("grip_force",), runs=3, left=lambda: 1e-9)
     assert once.status == "done" and len(once.walls) == 1
+
+
+@pytest.mark.parametrize(("known", "wanted"), [(0.06, [36.0, 60.0]), (0.01, [36.0])])
+def test_what_is_vaguely_known_is_refined_with_all_of_the_minutes(
+    known: float, wanted: list[float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its levels are runs that may be chosen; a plan that can be made keeps the rest for runs."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    budgets = list[float]()
+    truth, part = {"grip_force": Truth(np.ones(5), 1.0, known)}, Part(0.0, 0.0, 2.0, 1.0, 0.0)
+    made = Reference(np.linspace(0.0, 1.0, 5), truth, {"grip_force": part}, (), "implicit_euler", True)
+
+    def reference_of(levels: object, budget: float, *_: object) -> Reference:
+        budgets.append(budget)
+        return made
+
+    monkeypatch.setattr(plan_command, "reference_of", reference_of)
+    monkeypatch.setattr(plan_command, "measure", lambda *_, **how: Outcome("failed", "not now"))
+    wishes = plan_command.Wishes("tofu_grasp", tolerance=0.05, quantities=("grip_force",), minutes=1.0)
+    with pytest.raises(NoPlan):
+        plan_command.find(wishes, Console(quiet=True))
+    assert budgets == wanted

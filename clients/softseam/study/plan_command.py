@@ -22,7 +22,7 @@ from softseam.study.deadline import Deadline
 from softseam.study.errors import uncounted
 from softseam.study.measure import Clock, Outcome, measure, quantity_names
 from softseam.study.plan import Goal, Plan, Tried
-from softseam.study.planner import choose, counts_to, promised
+from softseam.study.planner import choose, counts_to, promised, too_vague
 from softseam.study.prescribed import prescribed
 from softseam.study.progress import ChartProgress
 from softseam.study.store import Store, cache_folder
@@ -146,6 +146,9 @@ def search(
     with ChartProgress(console) as progress:
         share, target = REFERENCE_SHARE * budget, REFERENCE * goal.tolerance
         reference = reference_of(levels, share, progress.reference, target, counts_to(goal.tolerance))
+        if too_vague(reference, goal.tolerance):  # levels are runs that may be chosen, too
+            levels.deadline = deadline
+            reference = reference_of(levels, budget, progress.reference, target, counts_to(goal.tolerance))
         progress.known(reference)
         progress.expect(wanted, budget)
 

@@ -79,6 +79,11 @@ def looser(reference: Reference, tolerance: float) -> dict[str, float]:
     return {} if len(held) == len(reference.counted) else held
 
 
+def too_vague(reference: Reference, tolerance: float) -> bool:
+    """Whether what counts is known too little for a plan."""
+    return reference.uncertainty_but(looser(reference, tolerance)) > VAGUEST * tolerance
+
+
 def choose(
     goal: Goal, reference: Reference, wanted: Sequence[Configuration], measure: Measure, levels: Iterable[Run] = ()
 ) -> Plan:
@@ -90,10 +95,11 @@ def choose(
     Raises NoPlan where none is accurate enough, or none of those fast enough; its text names the nearest.
     """
     held = looser(reference, goal.tolerance)
-    if (known := reference.uncertainty_but(held)) > VAGUEST * goal.tolerance:
+    if too_vague(reference, goal.tolerance):
+        known = in_words(reference.uncertainty_but(held))
         raise NoPlan(
-            f"what is true is known to {in_words(known)} only, too little to plan for {_percent(goal.tolerance)}: give "
-            "more --minutes, or leave out the quantities that are not known better"
+            f"what is true is known to {known} only, too little to plan for {_percent(goal.tolerance)}: give more "
+            "--minutes, or leave out the quantities that are not known better"
         )
     search = _Search(goal, reference, measure)
     for one, outcome in levels:
