@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from time import perf_counter
 from typing import Annotated
 
 import typer
@@ -36,7 +37,9 @@ PLAN = (
     "best one that is accurate enough. Where none is, the most accurate one is refined in cells or steps; of what is, "
     "longer steps and fewer cells are tried, too. To "
     "be so whatever the reference may be off by may cost half as much again; where it would cost more, the plan is not "
-    "sure, and says so. Plan and runs are stored in ~/.cache/softseam, for other tolerances too, and "
+    "sure, and says so. What the motion prescribes (compression that is ordered, a force that is held, a lift) any run "
+    "has: it decides nothing, and where nothing else is asked for there is no plan. Plan and runs are stored in "
+    "~/.cache/softseam, for other tolerances too, and "
     "[bold]softseam run --tolerance[/bold] follows the plan.\n\n"
     "[bold]Examples[/bold]\n\n"
     "softseam plan tofu_grasp --tolerance 0.05\n\n"
@@ -118,17 +121,20 @@ def plan(
     ] = None,
     minutes: Annotated[
         float | None,
-        typer.Option(metavar="MINUTES", help="Longest that the search may run; default: 1, of a mesh 3, or as found."),
+        typer.Option(
+            metavar="MINUTES", help="Longest by the clock, without compiling; default: 1, of a mesh 3, or as found."
+        ),
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Forget the stored plan, reference and runs.")] = False,
     settings: Settings = None,
 ) -> None:
     """Find the least that a scene needs: the fastest way to simulate it within a tolerance."""
+    began = perf_counter()
     from softseam.study.plan_command import Wishes
     from softseam.study.plan_command import plan as find_plan
 
     wishes = Wishes(scene, tuple(settings or ()), tolerance, rtf, tuple(quantities or ()), minutes, fresh)
-    find_plan(wishes, Console())
+    find_plan(wishes, Console(), began)
 
 
 def calibrate(

@@ -35,9 +35,9 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     _print_trust(console, report["estimated_error"], claims)
     _print_damping(console, report["energy"], report["model"])
     _print_not_done(console, report["not_done"])
-    claimed, growing = ({}, {}) if claims is None else (claims["quantities"], claims["growing"])
-    console.print(_quantities(report["quantities"], claimed, growing))
-    _print_growing(console, growing)
+    claimed = {} if claims is None else claims["quantities"]
+    console.print(_quantities(report["quantities"], claimed))
+    _print_unclaimed(console, report["quantities"], claimed)
     _print_gaps(console, report["quantities"], report["steps"])
     _print_condition(console, report["condition"])
     for title, rows in (("error indicators", _indicators(report)), ("where the time went", _times(report))):
@@ -52,39 +52,50 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     _print_events(console, report["events"])
 
 
-def _quantities(
-    found: Mapping[str, Mapping[str, Any]],
-    claims: Mapping[str, Mapping[str, float]],
-    growing: Mapping[str, float],
-) -> Table:
-    """What the scene asks for, then, dimmed, what else was reported and was not nothing throughout; with claims."""
-    table = Table(box=None, pad_edge=False, show_header=True, header_style="dim")
-    table.add_column("")
-    for heading in ("at the end", *([CLAIMED] if claims else []), "least", "most"):
-        table.add_column(heading, justify="right")
+def _shown(found: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """What the scene asks for, then what else was reported and was not nothing throughout."""
     for asked in (True, False):
         for name, entry in found.items():
-            extremes = entry["min"], entry["max"]
-            if entry["asked"] != asked or entry["max"] is None or not (asked or any(extremes)):
-                continue
-            unit, factor = shown_unit(name)
-            figures = [_value(value, factor, unit) for value in (entry["final"], *extremes)]
-            if claims:
-                claim = claims.get(name)
-                grows = "grows" if name in growing else ""
-                figures.insert(1, grows if claim is None else f"± {factor * claim['absolute']:.2g} {unit}")
-            table.add_row(label(name), *figures, style="" if asked else "dim")
+            something = asked or entry["min"] or entry["max"]
+            if entry["asked"] == asked and entry["max"] is not None and something:
+                yield name, entry
+
+
+def _quantities(found: Mapping[str, Mapping[str, Any]], claims: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Each with the claim of what stands before it: of the end, and of the peak, which is least or most, whichever is
+    farther from 0."""
+    table = Table(box=None, pad_edge=False, show_header=True, header_style="dim")
+    table.add_column("")
+    of_end, of_peak = ([CLAIMED], [f"{CLAIMED} of the peak"]) if claims else ([], [])
+    for heading in ("at the end", *of_end, "least", "most", *of_peak):
+        table.add_column(heading, justify="right")
+    for name, entry in _shown(found):
+        unit, factor = shown_unit(name)
+        figures = [_value(entry[each], factor, unit) for each in ("final", "min", "max")]
+        if name in claims:
+            figures.insert(1, _claim(claims[name]["end"], factor, unit))
+            figures.append(_claim(claims[name]["peak"], factor, unit))
+        table.add_row(label(name), *figures, style="" if entry["asked"] else "dim")
     return table
 
 
-def _print_growing(console: Console, growing: Mapping[str, float]) -> None:
-    """What grows as cells shrink, and so has no value to be off from."""
-    for name, ratio in growing.items():
-        told = (
-            f"{label(name)} grew {ratio:.2g} times with cells half as long: it has not settled, and at edges of tools "
-        )
-        told += "and clamps it never does; shorten body.cell, or ask for von_mises_p99"
-        console.print(Text(told, "dim"), soft_wrap=True)
+def _claim(claim: Mapping[str, Any], factor: float, unit: str) -> str:
+    """In the unit shown; of none, the word that its reason begins with."""
+    if claim["absolute"] is None:
+        return str(claim["why"]).partition(":")[0]
+    return f"{CLAIMED} {factor * claim['absolute']:.2g} {unit}"
+
+
+def _print_unclaimed(
+    console: Console, found: Mapping[str, Mapping[str, Any]], claims: Mapping[str, Mapping[str, Any]]
+) -> None:
+    """Why something has no claim: at the end, or else at its peak; what has the same reason together."""
+    names: dict[str, list[str]] = {}
+    for name, _ in _shown(found):
+        if name in claims and (why := claims[name]["end"]["why"] or claims[name]["peak"]["why"]):
+            names.setdefault(why, []).append(label(name))
+    for why, some in names.items():
+        console.print(Text(f"{', '.join(some)}: {why}", "dim"), soft_wrap=True)
 
 
 def _print_gaps(console: Console, found: Mapping[str, Mapping[str, Any]], steps: int) -> None:

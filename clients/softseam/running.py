@@ -17,6 +17,7 @@ from rich.text import Text
 from softseam.checking import print_doubts
 from softseam.choice import choice
 from softseam.claims.estimate import Estimate
+from softseam.claims.voice import speak
 from softseam.closing import print_closing
 from softseam.condition import conditions
 from softseam.embedded import compile_clock
@@ -91,7 +92,7 @@ def run(wishes: Wishes, console: Console) -> dict[str, Any]:
                     begun=estimate.begin,
                     condition=wishes.condition,
                 )
-            report["claims"] = estimate.found(report, lambda: console.print(_WAITING))
+            speak(report, estimate.found(report, lambda: console.print(_WAITING)))
         if recording is not None:
             note_recording(report, session, _brought(session, recording))
         print_closing(console, report)

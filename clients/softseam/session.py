@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from softseam.duration import expected_duration, too_many_steps
-from softseam.errors import BadInput, BadVelocity, NotReset, SceneRefused, SessionClosed, UnknownTool
+from softseam.errors import BadInput, BadVelocity, NotReset, SceneRefused, SessionClosed, UnknownTool, require_extra
 from softseam.gradient import Gradient, check_inputs
 from softseam.losses import Loss
 from softseam.observation import Observation, observation_from
@@ -161,6 +161,9 @@ class Session:
         self._model, self._source = model, source or bundle
         self._turn = threading.RLock()
         self._last: Observation | None = None
+        self._seed = 0
+        self._commands: list[Mapping[str, Vector3] | None] | None = None
+        """of the steps since the start; None where they are not known"""
         self._opened = scene, bundle  # what settings of `reset` are applied to
         self._take_scene(scene, bundle)
         self.recorded: Recorded | None = None
@@ -223,6 +226,7 @@ class Session:
         number = whole(seed)
         if number is None or not 0 <= number < 2**31:
             raise BadInput(f"seed is {seed!r}: give a whole number from 0 to 2147483647")
+        self._seed, self._commands = number, []
         if self._there is not None and (bundle.scene, bundle.files) == (self._there.scene, self._there.files):
             return self._observe(backend.reset(number))
         there, self._there, self._last = self._there, None, None
@@ -256,6 +260,7 @@ class Session:
             raise BadInput(f"count is {count!r}: give a whole number of steps, 1 or more")
         velocities = None if tool_velocities is None else self._checked(tool_velocities)
         observation = self._observe(backend.step(steps, velocities, fields))
+        self._note(steps, velocities)
         if velocities is not None and self._length is not None and not observation.done:
             over = observation.time >= self._length - 1e-6 * self.scene.step
             self._last = observation = replace(observation, done=over)
@@ -290,6 +295,7 @@ class Session:
                 else:
                     several = backend.follow(None if most is None else most - taken)
                 taken, done = taken + len(several), several[-1].report.done
+                self._note(len(several), None)
                 if progress is None:
                     unread = several[-1]
                     continue
@@ -331,6 +337,7 @@ class Session:
         if steps is not None and (most is None or most < 1):
             raise BadInput(f"steps is {steps!r}: give a whole number of steps, 1 or more")
         moved = None if commands is None else [self._listed(one) for one in commands]
+        self._commands = None
         gradient, seen = backend.differentiate(loss, wrt, moved, most, near)
         self._observe(seen)
         return gradient
@@ -357,16 +364,45 @@ class Session:
         """Go back to a snapshot of this scene; what follows is the same, bit for bit, as it was after it."""
         if not isinstance(state, bytes | bytearray | memoryview):
             raise BadInput(f"restore() takes the bytes that snapshot() gave, not {type(state).__name__}")
+        self._commands = None
         return self._observe(self._running().load(bytes(state)))
 
     @one_thread
     def estimate_errors(self) -> messages.ErrorEstimate | None:
-        """How far the answer may be off as the body stands, said in `text`; None of a body of particles.
+        """Where stress is off as the body stands, said in `text`; None of a body of particles.
 
         Runs that follow the scene's own motion to its end say it there, unasked (`Observation.error_estimate`); a
-        session that is stepped by hand has no end, so it says it when asked. It costs about a step.
+        session that is stepped by hand has no end, so it says it when asked. It costs about a step. How far forces and
+        displacements are off is claimed: `claims`.
         """
         return self._begun().estimate()
+
+    @one_thread
+    def claims(self) -> dict[str, Any]:
+        """How far each quantity is claimed to be off since `reset`, as `softseam run` claims it in its report.
+
+        What was done is done again in this process, and once more on cells and with steps twice as long: it costs what
+        it took, and a part of that. Raises BadInput where nothing can be claimed, and says why.
+        """
+        self._begun()
+        if not self._commands:
+            why = (
+                "no step was taken" if self._commands == [] else "what was done before restore() or gradient() is gone"
+            )
+            raise BadInput(f"no claims: {why}; call reset() and step from there")
+        require_extra("solve", "simulating in this process")
+        from softseam.claims.repeated import claims_of
+        from softseam.claims.sibling import NoSibling
+
+        try:
+            return claims_of(self.scene, self.bundle, self._seed, self._commands)
+        except NoSibling as error:
+            raise BadInput(f"no claims: {error}") from None
+
+    def _note(self, steps: int, velocities: Mapping[str, Vector3] | None) -> None:
+        """Keep what was commanded, for `claims`."""
+        if self._commands is not None:
+            self._commands += steps * [velocities]
 
     @one_thread
     def surface_meshes(self) -> Mapping[str, SurfaceMesh]:

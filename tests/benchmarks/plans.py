@@ -26,7 +26,7 @@ from softseam.study.levels import Watch
 from softseam.study.measure import Outcome, measure
 from softseam.study.plan import Goal, Plan
 from softseam.study.plan_command import REFERENCE
-from softseam.study.planner import NoPlan, choose, counts_to, judged
+from softseam.study.planner import NoPlan, choose, counts_to, judged, promised
 from softseam.study.progress import ChartProgress
 from softseam.study.reference import Reference, origin
 from softseam.study.store import Store
@@ -79,7 +79,8 @@ def judge(name: str, minutes: float, console: Console) -> Judged:
     study = study_of(name)
     folder = ROOT / "out" / "plans" / f"{name}-{study.identity.scene[:8]}-{study.identity.code[:8]}"
     store = Store(folder, study.identity, "move it away")
-    levels, wanted, target = study.levels(study.names()), configurations(study.frame), REFERENCE * min(TOLERANCES)
+    names = promised(study.scene, study.names())
+    levels, wanted, target = study.levels(names), configurations(study.frame), REFERENCE * min(TOLERANCES)
     with ChartProgress(console) as progress:
         best = reference_of(levels, 60.0 * minutes, progress.reference, target)
         progress.known(best)

@@ -144,7 +144,7 @@ def test_run_connected(services: Services, tmp_path: Path) -> None:
     report = json.loads((tmp_path / "bar.json").read_text())
     assert report["steps"] == 60
     assert report["claims"]["settled"] and report["claims"]["sibling"]["settings"][0] == "step=0.02"
-    assert f"± {report['claims']['quantities']['grip_force']['absolute']:.2g} N" in done.stdout
+    assert f"± {report['claims']['quantities']['grip_force']['end']['absolute']:.2g} N" in done.stdout
     assert report["recording"]["lost_messages"] == 0
     recording = Recording(tmp_path / "bar.mcap")
     assert recording.note is None

@@ -12,17 +12,23 @@ import pytest
 from claimed_block import sibling, write_block
 
 from softseam.claims.claim import (
+    BESIDE,
     BEYOND,
     BEYOND_OTHERWISE,
     FINER,
     LEAST,
     LEAST_OF_TOOLS,
     OF_BLOWS,
+    OF_CURVE,
     OF_MOTION,
+    OF_SLIP,
+    READ,
+    SLIDES,
     SMALL,
     Scale,
     claims,
     difference,
+    in_a_step,
     motion_taken,
 )
 from softseam.claims.estimate import compared
@@ -49,16 +55,16 @@ def test_a_claim_is_the_norm_of_the_difference_over_time() -> None:
     coarse = time[1::2]
     missing = np.where(np.arange(len(time)) % 5, 1.1 * np.sin(time), np.nan)
     found = claims(
-        {"sag": entry(time, np.sin(time)), "slip": entry(time, missing), "lift_height": entry(time, 0.0 * time)},
-        {name: entry(coarse, size * np.sin(coarse)) for name, size in (("sag", 1.1), ("slip", 1.0))}
+        {"sag": entry(time, np.sin(time)), "grip_force": entry(time, missing), "lift_height": entry(time, 0.0 * time)},
+        {name: entry(coarse, size * np.sin(coarse)) for name, size in (("sag", 1.1), ("grip_force", 1.0))}
         | {"lift_height": entry(coarse, 0.0 * coarse)},
         Scale(alike=True, taken=0.0),
     )
     share = SMALL * (0.05 + BEYOND * 0.05) + LEAST
     assert found["sag"]["share"] == pytest.approx(share, rel=5e-3)
     assert found["sag"]["absolute"] == pytest.approx(share / np.sqrt(2.0), rel=5e-3)
-    assert found["slip"]["share"] == pytest.approx(SMALL * (0.05 + BEYOND * (0.1 / 1.1 - 0.05)) + LEAST, rel=0.02)
-    assert found["lift_height"] == {"absolute": 0.0, "share": None}
+    assert found["grip_force"]["share"] == pytest.approx(SMALL * (0.05 + BEYOND * (0.1 / 1.1 - 0.05)) + LEAST, rel=0.02)
+    assert found["lift_height"]["absolute"] == 0.0 and found["lift_height"]["share"] is None
 
 
 @pytest.mark.parametrize("taken", [0.0, 0.2, 1.0])
@@ -158,18 +164,96 @@ def report(outcome: str = "lifted") -> dict[str, Any]:
     return {"verdict": {"outcome": outcome}, "quantities": {"grip_force": grip}, **lasted}
 
 
-def test_nothing_is_claimed_of_what_a_run_says_of_its_own_errors() -> None:
-    """A residual is this run's alone; the sag beside it is claimed."""
-    here, there = ({"time": [0.1, 0.2], "values": values} for values in ([1.0, 2.0], [1.1, 2.1]))
-    run, sibling = ({"sag": entry, "constraint_residual": entry} for entry in (here, there))
-    assert set(claims(run, sibling, Scale(alike=True, taken=0.0))) == {"sag"}
+PLAIN = Scale(alike=True, taken=0.0)
+TIME = np.linspace(0.1, 1.0, 10)
+
+
+def claimed(name: str, run: Any, sibling: Any, scale: Scale = PLAIN) -> dict[str, Any]:
+    """Of a quantity with these values at TIME."""
+    return claims({name: entry(TIME, run)}, {name: entry(TIME, sibling)}, scale)[name]
+
+
+def test_what_stands_at_the_end_is_claimed_by_the_end() -> None:
+    """A body that tools let go of ends at 0 N in both runs, however they differ while it is held."""
+    held = np.where(TIME < 0.7, 10.0, 0.0)
+    found = claimed("grip_force", held, 1.2 * held)
+    assert found["absolute"] > 1.0
+    assert found["end"]["absolute"] < 0.1 * found["absolute"] and found["end"]["why"] == ""
+    apart = claimed("grip_force", held, held + np.where(TIME < 0.9, 0.0, 2.0))
+    assert apart["end"]["absolute"] is None and apart["end"]["why"] == (
+        "not settled: 0 N here, 2 N with longer cells and steps"
+    )
+
+
+def test_a_peak_is_claimed_by_the_peaks_of_both_runs() -> None:
+    """A blow that both runs end alike after; a swing downwards has its peak below."""
+    blow = np.where(np.arange(10) == 4, 1.0, 0.0) + 1.0
+    found = claimed("grip_force", blow, np.where(blow > 1.5, 1.6, 1.0))
+    own, over = abs(2.0 - 1.6), OF_CURVE * difference(entry(TIME, blow), entry(TIME, np.minimum(blow, 1.6)))[0]
+    rule = READ * PLAIN.at("grip_force").claim(own + over, 2.0, 0.0) + BESIDE * 1.0
+    assert found["peak"]["absolute"] == pytest.approx(rule)
+    assert found["end"]["absolute"] < 0.6 * found["peak"]["absolute"]
+    squeeze = np.minimum(TIME, 0.5)
+    assert claimed("compression", squeeze, squeeze)["peak"]["share"] < 0.01  # tools stop within a step
+    swing = claimed("tip_deflection", -TIME, -0.9 * TIME)
+    assert swing["peak"]["value"] == -1.0 and swing["mean"]["value"] == pytest.approx(-0.55)
+    assert swing["peak"]["absolute"] > swing["mean"]["absolute"] > 0.0
+
+
+@pytest.mark.parametrize("grows", [1.2, 8.0])
+def test_what_differs_by_more_than_itself_is_not_settled(grows: float) -> None:
+    """No number stands beside it, but what the other run found; twice as much is a number."""
+    found = claimed("sag", TIME, (1.0 + grows) * TIME)
+    told = [found, found["end"], found["peak"], found["mean"]]
+    if grows < 3.0:
+        assert all(0.0 < each["share"] <= 1.0 and not each["why"] for each in told)
+        return
+    assert all(each["absolute"] is None and each["share"] is None for each in told)
+    assert all(each["why"].startswith("not settled: ") for each in told)
+    assert found["end"]["why"].startswith("not settled: 1000 mm here, 9000 mm with")
+    nothing = claimed("lift_height", 0.0 * TIME, 0.0 * TIME)
+    assert nothing["end"]["absolute"] == 0.0 and nothing["end"]["why"] == ""
+
+
+def test_every_quantity_has_a_claim_or_says_why_it_has_none() -> None:
+    """A residual is this run's alone, a probe is the run's, and a NaN was never measured."""
+    time, here, there = [0.1, 0.2], [1.0, 2.0], [1.1, 2.1]
+    run = {name: entry(time, here) for name in ("sag", "constraint_residual", "core.von_mises", "von_mises_p99")}
+    sibling = {name: entry(time, there) for name in ("sag", "constraint_residual")}
+    sibling["von_mises_p99"] = entry(time, [np.nan, np.nan])
+    found = claims(run, sibling, PLAIN)
+    assert found["sag"]["absolute"] > 0.0 and found["sag"]["end"]["absolute"] > 0.0
+    for name, words in (
+        ("constraint_residual", "an estimate itself"),
+        ("core.von_mises", "none: the run to compare with"),
+        ("von_mises_p99", "none: never measured"),
+    ):
+        for told in (found[name], found[name]["end"], found[name]["peak"], found[name]["mean"]):
+            assert told["absolute"] is None and told["why"].startswith(words)
+
+
+@pytest.mark.parametrize("largest", [0.0003, 0.0006])
+def test_slip_is_claimed_where_the_body_slides(largest: float) -> None:
+    """And not where points creep by less than a twentieth of a cell, of which cells twice as long tell nothing. What
+    slides claims all of a large difference."""
+    scale = Scale(alike=True, taken=0.0, cell=0.01)
+    found = claimed("slip", largest * TIME, 1.3 * largest * TIME, scale)
+    if largest < SLIDES * scale.cell:
+        assert found["absolute"] is None and found["end"]["why"].startswith("creeps: ")
+        slid = claimed("slip", largest * TIME, 40.0 * largest * TIME, scale)
+        assert slid["end"]["absolute"] is None and slid["end"]["why"].startswith("not settled: ")
+    else:
+        run = entry(TIME, largest * TIME)
+        late = in_a_step(run) / difference(run, run)[1]
+        assert found["share"] == pytest.approx(late + OF_SLIP * (0.3 - late) + LEAST)
 
 
 def test_outcomes_that_differ_are_not_settled(block: str) -> None:
     """No number stands beside a body that one run lifts and the other drops."""
     other = {"outcome": "dropped", "quantities": report()["quantities"], "seconds": 0.25}
     found = compared(report(), other, sibling(block))
-    assert found["settled"] is False and found["quantities"] == {}
+    assert found["settled"] is False and found["quantities"]["grip_force"]["absolute"] is None
+    assert found["quantities"]["grip_force"]["end"]["why"].startswith("not settled: the outcome")
     assert "not settled" in found["text"] and "'dropped'" in found["text"] and "shorten body.cell" in found["text"]
     same = compared(report("dropped"), other, sibling(block))
     assert same["settled"] is True and same["quantities"]["grip_force"]["share"] == pytest.approx(LEAST)
@@ -186,6 +270,8 @@ def test_a_peak_that_grows_as_cells_shrink_is_claimed_nothing_of(block: str) -> 
         other["quantities"][name] = entry([0.1, 0.2], [1.0, 1.0])
     claimed = compared(mine, other, found)
     assert claimed["growing"] == {"peak_von_mises": pytest.approx(1.3)}
-    assert set(claimed["quantities"]) == {"grip_force", "jelly.peak_von_mises"}
+    told = {name: each["absolute"] is not None for name, each in claimed["quantities"].items()}
+    assert told == {"grip_force": True, "peak_von_mises": False, "jelly.peak_von_mises": True}
+    assert claimed["quantities"]["peak_von_mises"]["peak"]["why"].startswith("grows: 1.3 times")
     turned = compared(mine | other, mine | {"outcome": "lifted", "seconds": 0.25}, replace(found, finer=True))
     assert turned["growing"] == {"peak_von_mises": pytest.approx(1.3)}

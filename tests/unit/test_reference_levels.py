@@ -13,7 +13,7 @@ from softseam.scenes import load_scene
 from softseam.study.frame import Frame, frame_of
 from softseam.study.levels import Levels
 from softseam.study.measure import Outcome, Told
-from softseam.study.reference import NEAR
+from softseam.study.reference import NEAR, counted
 from softseam.study.refine import fine, refine
 from softseam.study.richardson import Limit
 from softseam.study.series import Series
@@ -104,10 +104,15 @@ def test_a_body_too_thin_for_a_reference_is_refused_for_that(tmp_path: Path, mon
 def test_levels_that_went_no_farther_than_what_has_to_be_known_are_known(
     share: float, counts: bool, target: float
 ) -> None:
-    """Though they do not fall, and whatever target they were taken for, which three levels may meet."""
+    """Though they do not fall, and whatever target they were taken for, which three levels may meet; of stress, for a
+    way has a limit, and is known to how far its levels went."""
     levels = Known(frame(), 1e-4, share * NEAR * 0.05)  # the last four levels halve h, or nearly
-    sag = refine(levels, 30.0, told, target=target).truth["sag"]
-    assert sag.has_limit is counts and (not sag.left_out) is counts
+    found = refine(levels, 30.0, told, target=target)
+    assert found.truth["sag"].has_limit and not found.truth["sag"].left_out
+    truth, parts = (dict(each) for each in (found.truth, found.parts))
+    truth["core.von_mises"], parts["core.von_mises"] = truth.pop("sag"), parts.pop("sag")
+    stress = counted(replace(found, truth=truth, parts=parts), truth).truth["core.von_mises"]
+    assert stress.has_limit is counts and (not stress.left_out) is counts
 
 
 def test_levels_are_kept_of_all_quantities_and_each_levels_sees_its_own(

@@ -1,22 +1,36 @@
-"""What each quantity of a run is claimed to be off by, from the L2 norm over time of its difference to the sibling's.
+"""What each quantity of a run is claimed to be off by, from its difference to the sibling's.
 
 d = |J - J_sibling|,   |J|^2 = (1/T) int_0^T J(t)^2 dt                                                            (1)
 s = |J(t + step) - J(t)| where forces time the motion, else 0,   x = max(0, d - s)                                (2)
 claim = a (min(x, d0) + b max(x - d0, 0)) + c delta x + s + f |J|,   d0 = 0.05 |J|                                (3)
 delta = (1/E) sum_i min(D_i, max(K_i-1, K_i)),   at most 1                                                        (4)
 
+is the claim of the curve. What is read off it (readings.py) has a claim of its own, by what is read off the sibling's:
+g times eq. (3), and h times what changes in a step beside a peak, of tools' forces 2 h, with
+
+d_r = |r - r_sibling| + e d,   s of that number,   max(|r|, |J|) in place of |J|                                  (5)
+
+Slip begins at the end of a step where friction is spent, a threshold that both runs may miss: s counts, b = 1, and a is
+more. A lift is less by what slips: b = 1.
+
 s    where a force ends a phase or is kept, the next begins at the end of a step, whenever the force was reached: up to
      one step late in the run, up to two of these in the sibling. So much of d says nothing of cells
 a    the sibling errs by more, (1) of sibling.py, but errors grow slowly at edges; and XPBD errs otherwise than FEM. The
      forces of tools on a body that nothing holds are of blows, which err as the root of a step: a = 1/(2^(1/2) - 1)
 b    of large differences most is the sibling's own error, which grew faster than its cells; of a run by XPBD less is,
-     for its model may err by as much
+     for its model may err by as much, and of stress, which follows from derivatives
 c    where steps take much of the motion, their error no longer grows with their length: what swings or rebounds within
      a few steps is lost by the run and by its sibling alike. K is the kinetic energy, D what a step took, and E the
      largest energy. What steps take beyond the motion that there was is of bodies that tools press slowly, whose work
      implicit Euler counts by the force at the end of the step: that changes forces little
+e    two curves meet now and then, where what is read off both is the same by chance; not so where both are 0
+h    the true peak is between two steps, but for compression: tools stop within a step
 f    two curves that cross, or that an edge within a cell bends alike, differ by less than either errs; forces of tools
-     most often, whose edges lie anywhere within cells of both
+     most often, whose edges lie anywhere within cells of both, and stress
+
+Nothing is claimed of slip while a body only creeps: points beside the edges of a contact slide by a hundredth of a
+cell, of which neither these cells nor longer ones tell. And what would be claimed to be off by more than it is, is *not
+settled*.
 
 The numbers are chosen on the scenes of docs/results/claims.md and checked on others, there, too.
 """
@@ -30,6 +44,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam.claims.readings import READINGS, measured
+from softseam.columns import shown_unit
 from softseam.study.errors import is_nothing, rms
 from softseam_protocol.quantities import OF_TOOLS, quantity
 from softseam_protocol.scene.motion import ClosePhase
@@ -37,24 +53,36 @@ from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 
-SMALL = 1.75
+SMALL = 2.0
 """a of eq. (3) [1]"""
 OF_BLOWS = 2.4
 """a of forces between tools and bodies that nothing holds [1]"""
+OF_SLIP = 3.0
+"""a of slip [1]"""
 LARGE = 0.05
 """d0 over |J| [1]"""
 BEYOND = 0.2
 """b, of a run by FEM [1]"""
 BEYOND_OTHERWISE = 0.4
-"""and of one by XPBD, or by both models [1]"""
+"""and of one by XPBD, or by both models, and of stress [1]"""
 OF_MOTION = 4.0
 """c [1]"""
 LEAST = 0.002
 """f [1]"""
 LEAST_OF_TOOLS = 0.01
-"""and of forces of tools [1]"""
+"""and of forces of tools, and of stress [1]"""
 FINER = 2.0
 """times d that is claimed where the sibling's cells and steps are half as long, so that d is less than the error [1]"""
+OF_CURVE = 0.5
+"""e of eq. (5) [1]"""
+READ = 0.7
+"""g [1]"""
+BESIDE = 0.5
+"""h [1]"""
+SLIDES = 0.05
+"""slip over the longest edge of the run's cells from which on a body slides, and does not creep [1]"""
+NEXT_TO_NOTHING = 0.1
+"""of |J|: what is read off a curve and is less is claimed relative to this, for it may be 0 at the end [1]"""
 GROWS = 1.1
 """of what need not settle: times by which the finer run's exceeds the coarser's from which on it is said to grow [1]"""
 
@@ -69,7 +97,10 @@ class Scale:
     finer  whether the sibling's cells and steps are the shorter ones
     free   whether nothing holds one of its bodies but tools
     small  a of eq. (3) [1]
+    beyond b of eq. (3) [1]; None: by the models
     least  f of eq. (3) [1]
+    beside h, times 2 of tools' forces [1]
+    cell   longest edge of the run's cells; 0 where any slip is of a body that slides [m]
     """
 
     alike: bool
@@ -78,21 +109,34 @@ class Scale:
     finer: bool = False
     free: bool = False
     small: float = SMALL
+    beyond: float | None = None
     least: float = LEAST
+    beside: float = BESIDE
+    cell: float = 0.0
 
     @classmethod
-    def of(cls, scene: Scene, report: Mapping[str, Any], finer: bool) -> Scale:
-        """Of a run of this scene that the report tells of."""
+    def of(cls, scene: Scene, report: Mapping[str, Any], finer: bool, cell: float = 0.0) -> Scale:
+        """Of a run of this scene that the report tells of; finer, cell: as above."""
         grips = [phase for phase in scene.motion if isinstance(phase, ClosePhase)]
         timed = any(grip.force is not None or grip.until.force is not None for grip in grips)
         free = any(not body.fixed for body in scene.bodies.values())
-        return cls(report["model"] == "fem", motion_taken(report["energy"]), timed, finer, free)
+        alike, taken = report["model"] == "fem", motion_taken(report["energy"])
+        return cls(alike, taken, timed, finer, free, cell=cell)
 
     def at(self, name: str) -> Scale:
         """That of a quantity."""
-        if name.rpartition(".")[2] not in OF_TOOLS:
+        kind = name.rpartition(".")[2]
+        if kind == "slip":
+            return replace(self, small=OF_SLIP, beyond=1.0, timed=True)
+        if kind == "compression":
+            return replace(self, beside=0.0)
+        if kind == "lift_height":
+            return replace(self, beyond=1.0)
+        if quantity(name).unit == "Pa":
+            return replace(self, beyond=BEYOND_OTHERWISE, least=LEAST_OF_TOOLS)
+        if kind not in OF_TOOLS:
             return self
-        return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OF_TOOLS)
+        return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OF_TOOLS, beside=2.0 * BESIDE)
 
     @property
     def factor(self) -> float:
@@ -108,7 +152,8 @@ class Scale:
     @property
     def _less(self) -> float:
         """Times what is large of a difference that is not claimed, a (1 - b) [1]."""
-        return 0.0 if self.finer else self.small * (1.0 - (BEYOND if self.alike else BEYOND_OTHERWISE))
+        beyond = self.beyond if self.beyond is not None else BEYOND if self.alike else BEYOND_OTHERWISE
+        return 0.0 if self.finer else self.small * (1.0 - beyond)
 
 
 def motion_taken(energy: Mapping[str, Any]) -> float:
@@ -121,25 +166,83 @@ def motion_taken(energy: Mapping[str, Any]) -> float:
 
 def in_a_step(entry: Mapping[str, Any]) -> float:
     """|J(t + step) - J(t)| of a quantity's entry in a report, in its unit."""
-    time, values = _measured(entry)
+    time, values = measured(entry)
     return rms(np.diff(values), time[1:]) if len(time) > 1 else 0.0
 
 
-def claims(run: Mapping[str, Any], sibling: Mapping[str, Any], scale: Scale) -> dict[str, dict[str, float | None]]:
-    """By quantity: `absolute`, eq. (3) in its unit, and `share`, over the run's own |J|, None of one that is nothing.
+def claims(run: Mapping[str, Any], sibling: Mapping[str, Any], scale: Scale) -> dict[str, dict[str, Any]]:
+    """By quantity of the run: `absolute`, eq. (3) in its unit, `share`, over |J|, and `why` there is neither, '' where
+    there is; and of each of READINGS, by its name, the same by eq. (5), beside its `value`.
 
     run, sibling: `quantities` of both reports. Both are taken at the sibling's times at which it was measured, the run
-    between its own by straight lines. What says how far this one run is off, such as a residual, is claimed nothing of.
+    between its own by straight lines. A share of what is nothing is None.
     """
-    found: dict[str, dict[str, float | None]] = {}
-    for name, entry in run.items():
-        if name not in sibling or quantity(name).group == "error":
-            continue
-        off, size = difference(entry, sibling[name])
-        if np.isfinite(off):
-            claim = scale.at(name).claim(off, size, in_a_step(entry))
-            found[name] = {"absolute": claim, "share": None if is_nothing(name, size) else claim / size}
+    grown = growing(run, sibling, scale.finer)
+    return {name: _claim(name, entry, sibling.get(name), scale, grown.get(name, 1.0)) for name, entry in run.items()}
+
+
+def unclaimed(run: Mapping[str, Any], why: str) -> dict[str, dict[str, Any]]:
+    """The same where nothing is claimed of any quantity, for one reason."""
+    return {name: _nothing(entry, why) for name, entry in run.items()}
+
+
+def _claim(
+    name: str, entry: Mapping[str, Any], other: Mapping[str, Any] | None, scale: Scale, grown: float
+) -> dict[str, Any]:
+    """Of one quantity; other: of the sibling, None where it has none; grown: `growing`, 1 where it is not."""
+    why = _why_none(name, entry, other, scale, grown)
+    if why or other is None:
+        return _nothing(entry, why)
+    own, (off, size), longer = scale.at(name), difference(entry, other), "shorter" if scale.finer else "longer"
+    apart = f"it differs by {100.0 * off / size:.0f} %" if size > 0.0 else "it is not 0"
+    found = _settled(name, own.claim(off, size, in_a_step(entry)), size, f"{apart} with {longer} cells and steps")
+    unit, factor = shown_unit(name)
+    for reading, read in READINGS.items():
+        (value, late, beside), (there, _, _) = read(*measured(entry)), read(*measured(other))
+        told = f"{factor * value:.4g} {unit} here, {factor * there:.4g} {unit} with {longer} cells and steps"
+        by_chance = 0.0 if is_nothing(name, abs(value)) and is_nothing(name, abs(there)) else OF_CURVE * off
+        claim = READ * own.claim(abs(value - there) + by_chance, max(abs(value), size), late)
+        claim += own.beside * beside
+        found[reading] = {"value": value} | _settled(name, claim, max(abs(value), NEXT_TO_NOTHING * size), told)
     return found
+
+
+def _why_none(name: str, entry: Mapping[str, Any], other: Mapping[str, Any] | None, scale: Scale, grown: float) -> str:
+    """Why nothing is claimed of a quantity: a word or two, a colon, and a sentence; '' where something is."""
+    if quantity(name).group == "error":
+        return "an estimate itself: it tells how far this one run is off, and has no error of its own"
+    if other is None:
+        return "none: the run to compare with does not measure it"
+    if not np.isfinite(difference(entry, other)[0]):
+        return "none: never measured in both runs at once"
+    if grown > 1.0:
+        return (
+            f"grows: {grown:.2g} times with cells half as long, and has not settled; at edges of tools and clamps it "
+            "never does: shorten body.cell, or ask for von_mises_p99"
+        )
+    slid = max(float(measured(each)[1].max()) for each in (entry, other))
+    if name.rpartition(".")[2] == "slip" and 0.0 < slid < SLIDES * scale.cell:
+        return (
+            f"creeps: what slides by less than {1e3 * SLIDES * scale.cell:.2g} mm, a twentieth of a cell, are points "
+            "beside the edges of the contact, of which no run on such cells tells"
+        )
+    return ""
+
+
+def _settled(name: str, claim: float, size: float, told: str) -> dict[str, Any]:
+    """A claim of something so large, where it is less than that; told: what is, where it is not."""
+    if claim > size and not is_nothing(name, claim):
+        return {"absolute": None, "share": None, "why": f"not settled: {told}"}
+    return {"absolute": claim, "share": None if is_nothing(name, size) else claim / size, "why": ""}
+
+
+def _nothing(entry: Mapping[str, Any], why: str) -> dict[str, Any]:
+    """No claim of a quantity with this entry."""
+    time, values = measured(entry)
+    none: dict[str, Any] = {"absolute": None, "share": None, "why": why}
+    return none | {
+        name: {"value": read(time, values)[0] if len(time) else None} | none for name, read in READINGS.items()
+    }
 
 
 def growing(run: Mapping[str, Any], sibling: Mapping[str, Any], finer: bool) -> dict[str, float]:
@@ -161,20 +264,13 @@ def growing(run: Mapping[str, Any], sibling: Mapping[str, Any], finer: bool) -> 
 def difference(run: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[float, float]:
     """|J - J'| and |J| of a quantity's entries in two reports; NaN where they have no time in common."""
     at, here, there = _together(run, other)
-    time, values = _measured(run)
+    time, values = measured(run)
     return (rms(here - there, at), rms(values, time)) if len(at) else (float("nan"), float("nan"))
 
 
 def _together(run: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[Floats, Floats, Floats]:
     """Times (n,) [s] of the other's within the run's, and the values (n,) of both, the run's between its own."""
-    (time, values), (at, others) = _measured(run), _measured(other)
+    (time, values), (at, others) = measured(run), measured(other)
     within = (at >= time[0] - 1e-9) & (at <= time[-1] + 1e-9) if len(time) else np.zeros(len(at), dtype=bool)
     at = at[within]
     return at, np.interp(at, time, values) if len(at) else at, others[within]
-
-
-def _measured(entry: Mapping[str, Any]) -> tuple[Floats, Floats]:
-    """Times (n,) [s] at which a quantity was measured, and its values (n,)."""
-    time, values = (np.array(entry[name], dtype=np.float64) for name in ("time", "values"))
-    known = np.isfinite(values)
-    return time[known], values[known]

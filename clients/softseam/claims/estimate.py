@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Any
 
 from softseam.claims.beside import Beside, Lost, followed
-from softseam.claims.claim import Scale, claims, growing
+from softseam.claims.claim import Scale, claims, growing, unclaimed
 from softseam.claims.sibling import LARGEST_SHARE, NoSibling, Sibling, sibling_of
 from softseam.errors import SoftseamError
 from softseam.session import Session
@@ -120,14 +120,14 @@ class Estimate:
 def compared(report: Mapping[str, Any], other: Mapping[str, Any], sibling: Sibling) -> dict[str, Any]:
     """What both reports claim; over a bus, where nobody knows the services' processor time, wall times are compared."""
     seconds = report["wall"]["total"] if report["wall"]["cpu"] is None else report["wall"]["cpu"]
-    scale = Scale.of(sibling.scene, report, sibling.finer)
+    scale = Scale.of(sibling.scene, report, sibling.finer, sibling.cell)
     share = other["seconds"] / seconds if seconds > 0.0 else None
     longer = f"{'half' if sibling.finer else 'twice'} as long"
     cost = "" if share is None else f" ({100.0 * share:.0f} % of this run's time)"
     settled = other["outcome"] == report["verdict"]["outcome"]
     both = report["quantities"], other["quantities"]
-    claimed, grow = (claims(*both, scale), growing(*both, sibling.finer)) if settled else ({}, {})
     if settled:
+        claimed, grow = claims(*both, scale), growing(*both, sibling.finer)
         blows = {scale.at(name).factor for name in claimed} - {scale.factor}
         also = f" (of tools' forces {max(blows):.2g})" if blows else ""
         text = (
@@ -135,6 +135,8 @@ def compared(report: Mapping[str, Any], other: Mapping[str, Any], sibling: Sibli
             f"steps {longer}{cost}{_TIMED if scale.timed else ''}"
         )
     else:
+        why = f"not settled: the outcome is {other['outcome']!r} with cells and steps {longer}"
+        claimed, grow = unclaimed(both[0], why), {}
         text = (
             f"the outcome is not settled: with cells and steps {longer} it is {other['outcome']!r}; shorten body.cell "
             "and step until both agree"
@@ -150,7 +152,7 @@ def compared(report: Mapping[str, Any], other: Mapping[str, Any], sibling: Sibli
             "share": share,
             "foreseen_share": sibling.share,
         },
-        "quantities": {name: claim for name, claim in claimed.items() if name not in grow},
+        "quantities": claimed,
         "growing": grow,
     }
 

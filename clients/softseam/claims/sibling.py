@@ -57,6 +57,8 @@ class Sibling:
     """whether its cells and steps are half as long, for there are no longer cells"""
     share: float
     """of the run's processor time that it is foreseen to take, by the numbers of cells and steps [1]"""
+    cell: float = 0.0
+    """longest edge of the run's cells [m]"""
 
 
 def sibling_of(scene: Scene, frames: Mapping[str, Frame]) -> Sibling:
@@ -91,7 +93,8 @@ def sibling_of(scene: Scene, frames: Mapping[str, Frame]) -> Sibling:
     except SceneError as error:
         how = "half" if finer else "twice"
         raise NoSibling(f"with cells and steps {how} as long the scene would be wrong: {refusal(error)}") from None
-    return Sibling(other, tuple(settings), finer, after / before / factor)
+    longest = max(float(each.max()) for each in edges.values())
+    return Sibling(other, tuple(settings), finer, after / before / factor, longest)
 
 
 def _model(scene: Scene, body: BodySpec) -> ModelKind:

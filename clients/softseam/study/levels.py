@@ -7,6 +7,7 @@ refines what is there.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from softseam.errors import SceneRefused, SoftseamError
 from softseam.scenes import bundle_of, bundle_with
 from softseam.study.configurations import Configuration, Fem
+from softseam.study.deadline import Deadline
 from softseam.study.errors import rms
 from softseam.study.frame import Frame, is_viscous
 from softseam.study.measure import Outcome, Told, measure, quantity_names
@@ -60,6 +62,8 @@ class Levels:
         self.done: dict[Resolution, Outcome] = {}
         self.spent = 0.0
         """processor time of the levels that were not in the cache [s]"""
+        self.deadline: Deadline | None = None
+        """by which all are done"""
 
     def open(self, code: str, *, fresh: bool) -> None:
         """Use the cache: levels of the same body, tools and motion, computed by the same code. Raises SceneRefused
@@ -122,12 +126,15 @@ class Levels:
                 quantity_names(self.frame.scene),  # all: another reference of this scene may ask for others
                 runs=0,
                 limit=limit_s,
+                left=self.left,
                 length=self.frame.length,
                 told=told,
                 # at the common times, all: what is looked at every few steps would differ by where that falls
                 look=max(1, round(self.frame.scene.step / step)),
             )
             self.spent += found.spent
+            if self.deadline is not None:
+                self.deadline.learn(found)
             if found.status in ("refused", "failed"):
                 raise SoftseamError(f"the reference cannot be computed on {across:g} cells across: {found.reason}")
             if found.status == "done":
@@ -138,6 +145,10 @@ class Levels:
             values = {name: found.series.values[name] for name in self.names}
             self.done[across, step] = replace(found, series=replace(found.series, values=values))
         return found
+
+    def left(self) -> float:
+        """Wall time that levels may still take [s]."""
+        return math.inf if self.deadline is None else self.deadline.left()
 
     def cached(self, across: float, step: float) -> Outcome | None:
         """A level that was computed before."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -161,6 +162,7 @@ def measure(
     runs: int = RUNS,
     limit: float = 600.0,
     length: float | None = None,
+    left: Callable[[], float] = lambda: math.inf,
     told: Told | None = None,
     look: int = 0,
     worth: Callable[[Outcome], bool] = lambda _: True,
@@ -172,6 +174,7 @@ def measure(
 
     limit   longest processor time of a run, without compiling [s]
     length  expected length of the motion [s]
+    left    wall time until all runs have to end [s]
     look    fields, too, are looked at whenever this many steps were taken, 0 for when the scene does
     """
     began = perf_counter()
@@ -179,9 +182,9 @@ def measure(
         with compile_clock() as clock, open_as_given(scene, settings=settings) as session:
             start = session.reset()
             setup = perf_counter() - began - clock()[0]
-            first = _followed(session, start, names, clock, limit=limit, length=length, told=told, look=look)
+            first = _followed(session, start, names, clock, left, limit=limit, length=length, told=told, look=look)
             first = replace(first, setup=setup)
-            return _timed(session, first, clock, runs if first.status == "done" and worth(first) else 0)
+            return _timed(session, first, clock, left, runs if first.status == "done" and worth(first) else 0)
     except SceneRefused as error:
         return Outcome("refused", str(error))
     except SimulationFailed as error:
@@ -193,6 +196,7 @@ def _followed(
     start: Observation,
     names: tuple[str, ...],
     clock: Clock,
+    left: Callable[[], float],
     *,
     limit: float,
     length: float | None,
@@ -205,7 +209,7 @@ def _followed(
     watch, last = _Watch(clock), start
 
     def late() -> bool:
-        return watch.read().own > limit
+        return watch.read().own > limit or left() <= 0.0
 
     def collect(observation: Observation) -> None:
         nonlocal last
@@ -230,7 +234,8 @@ def _followed(
     except _Stopped:
         status = "stopped"
     if status == "stopped" or interrupt.ended:
-        status, reason = "stopped", f"stopped at {last.time:.3g} s of motion, after {limit:.0f} s"
+        ran = min(limit, watch.read().own)
+        status, reason = "stopped", f"stopped at {last.time:.3g} s of motion, after {ran:.0f} s"
     series, taken = builder.build(), watch.read()
     if status == "done" and not series.finite():
         status, reason = "failed", "it diverged: a quantity is not a number"
@@ -250,11 +255,15 @@ def _followed(
     )
 
 
-def _timed(session: Session, first: Outcome, clock: Clock, runs: int) -> Outcome:
+def _timed(session: Session, first: Outcome, clock: Clock, left: Callable[[], float], runs: int) -> Outcome:
     """An outcome with the times of further runs of its open session, where there are any."""
     timed: list[Taken] = []
     spent = first.spent
-    while spent < ENOUGH and (len(timed) < runs or (0 < len(timed) < MOST and spent - first.spent < BRIEF)):
+    while (
+        spent < ENOUGH
+        and left() > max(first.walls)
+        and (len(timed) < runs or (0 < len(timed) < MOST and spent - first.spent < BRIEF))
+    ):
         session.reset()
         watch = _Watch(clock)
         session.run()

@@ -6,20 +6,24 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
 
 from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from softseam.embedded import compile_clock
 from softseam.errors import BadInput
 from softseam.scenes import bundle_of
 from softseam.study.bundled import digest_of
 from softseam.study.configurations import Configuration, configurations
+from softseam.study.deadline import Deadline
 from softseam.study.errors import uncounted
-from softseam.study.measure import Outcome, measure, quantity_names
+from softseam.study.measure import Clock, Outcome, measure, quantity_names
 from softseam.study.plan import Goal, Plan, Tried
-from softseam.study.planner import choose, counts_to
+from softseam.study.planner import choose, counts_to, promised, too_vague
+from softseam.study.prescribed import prescribed
 from softseam.study.progress import ChartProgress
 from softseam.study.store import Store, cache_folder
 from softseam.study.study import Study, reference_of, study_of
@@ -28,6 +32,8 @@ from softseam.view.colors import label
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.scene import Scene
 
+STARTING = 4.0
+"""that the program may take before a search begins, and after it, on a busy machine [s]"""
 MINUTES, MINUTES_OF_MESH = 1.0, 3.0
 """that a search may run where nobody says how long, of a block or particles, and of a mesh"""
 RUNS = 1
@@ -56,27 +62,39 @@ class Wishes:
     """see `Goal`"""
 
 
-def plan(wishes: Wishes, console: Console) -> Plan:
+def plan(wishes: Wishes, console: Console, began: float | None = None) -> Plan:
     """Find the plan, or read it from the cache, and print it.
+
+    began  when its minutes began, on the clock of perf_counter [s]; None: now
 
     Raises BadInput, SceneRefused, and NoPlan where nothing is accurate and fast enough.
     """
-    found = find(wishes, console)
+    found = find(wishes, console, began=began)
     show(found, console)
     return found
 
 
-def find(wishes: Wishes, console: Console, begins: Callable[[str], None] = lambda _: None) -> Plan:
+def find(
+    wishes: Wishes, console: Console, begins: Callable[[str], None] = lambda _: None, began: float | None = None
+) -> Plan:
     """The plan, from the cache where it is there and as many minutes would have found no other.
 
     begins  is told what begins, and how long it may take, where nothing that is stored will do
+    began   as of `plan`
     """
-    goal = _goal(wishes)
+    began, goal = perf_counter() if began is None else began, _goal(wishes)
+    with compile_clock() as compiled:  # which loads the solvers
+        return _found(wishes, goal, console, begins, compiled, began)
+
+
+def _found(
+    wishes: Wishes, goal: Goal, console: Console, begins: Callable[[str], None], compiled: Clock, began: float
+) -> Plan:
     study = study_of(wishes.scene, wishes.settings)
     is_mesh = isinstance(study.scene.body, BodySpec) and not isinstance(study.scene.body.shape, BlockShape)
     usual = MINUTES_OF_MESH if is_mesh else MINUTES
     minutes = usual if wishes.minutes is None else wishes.minutes
-    names = study.names(wishes.quantities)
+    names = promised(study.scene, study.names(wishes.quantities))
     store = Store(
         cache_folder().with_name("plans") / f"{study.scene.name}-{study.identity.folder}",
         study.identity,
@@ -98,7 +116,10 @@ def find(wishes: Wishes, console: Console, begins: Callable[[str], None] = lambd
         f"planning {study.scene.name} for {100 * goal.tolerance:.2g} %, which may take {minutes:g} min and is "
         f"stored in {store.folder.parent}: `softseam plan` shows how it gets on"
     )
-    found = search(study, goal, names, store, minutes, console, fresh=wishes.fresh)
+    deadline = Deadline(60.0 * minutes - STARTING - (perf_counter() - began), compiled)
+    found = search(study, goal, names, store, minutes, console, deadline, fresh=wishes.fresh)
+    given = {name: why for name, why in prescribed(study.scene).items() if name in study.names(wishes.quantities)}
+    found = found.model_copy(update={"left_out": found.left_out | given})
     try:
         store.write(name, found.model_dump(mode="json"))
     except BadInput as error:  # what was found is not lost for that
@@ -113,39 +134,45 @@ def search(
     store: Store,
     minutes: float,
     console: Console,
+    deadline: Deadline,
     *,
     fresh: bool = False,
 ) -> Plan:
-    """Find the plan by runs, each stored as soon as it is done."""
+    """Find the plan by runs, each stored as soon as it is done; at the deadline all end."""
     levels = study.levels(names, fresh=fresh)
     wanted = configurations(study.frame)
-    budget, spent = 60.0 * minutes, 0.0
+    budget, first = 60.0 * minutes, True
+    levels.deadline = deadline.before((1.0 - REFERENCE_SHARE) * budget)
     with ChartProgress(console) as progress:
         share, target = REFERENCE_SHARE * budget, REFERENCE * goal.tolerance
         reference = reference_of(levels, share, progress.reference, target, counts_to(goal.tolerance))
+        if too_vague(reference, goal.tolerance):  # levels are runs that may be chosen, too
+            levels.deadline = deadline
+            reference = reference_of(levels, budget, progress.reference, target, counts_to(goal.tolerance))
         progress.known(reference)
         progress.expect(wanted, budget)
 
         def run(one: Configuration, worth: Callable[[Outcome], bool]) -> Outcome:
-            nonlocal spent
+            nonlocal first
             found = store.outcome(one.key)
             if found is not None:
                 return found
-            left = budget - spent - levels.spent
-            if left < one.seconds:
+            if not first and not deadline.fits(one.seconds):
                 return Outcome("left out", "give more --minutes")
+            first = False
             found = measure(
                 study.name,
                 (*study.settings, *one.settings),
                 quantity_names(study.scene),
                 runs=RUNS,
-                limit=left,
+                limit=budget,
+                left=deadline.left,
                 length=study.frame.length,
                 told=progress.configuration(one, one.seconds),
                 look=1,
                 worth=worth,
             )
-            spent += found.spent
+            deadline.learn(found)
             if found.status != "stopped":
                 store.write(one.key, found.as_json())
             return found

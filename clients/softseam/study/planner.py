@@ -21,8 +21,11 @@ from softseam.study.configurations import Configuration, Fem
 from softseam.study.errors import KNOWN, errors, sure
 from softseam.study.measure import Outcome
 from softseam.study.plan import Goal, Plan, Tried
+from softseam.study.prescribed import prescribed
 from softseam.study.reference import Reference, in_words, origin
 from softseam.study.sweep import learn
+from softseam.view.colors import label
+from softseam_protocol.scene.scene import Scene
 
 Run = tuple[Configuration, Outcome]
 Measure = Callable[[Configuration, Callable[[Outcome], bool]], Outcome]
@@ -43,7 +46,17 @@ runs [1]"""
 
 
 class NoPlan(SoftseamError):
-    """Nothing that was tried is accurate enough and fast enough."""
+    """Nothing that was tried is accurate enough and fast enough, or nothing that was asked for can be promised."""
+
+
+def promised(scene: Scene, names: Iterable[str]) -> tuple[str, ...]:
+    """Of these quantities those that a plan can promise: what the motion prescribes any run has. Raises NoPlan where
+    it prescribes all."""
+    given, asked = prescribed(scene), tuple(names)
+    if found := tuple(name for name in asked if name not in given):
+        return found
+    told = "; ".join(f"{label(name)} ({given[name]})" for name in asked)
+    raise NoPlan(f"a plan would promise nothing: {told}; ask for more, e.g. quantities: [grip_force, sag]")
 
 
 def counts_to(tolerance: float) -> float:
@@ -66,6 +79,11 @@ def looser(reference: Reference, tolerance: float) -> dict[str, float]:
     return {} if len(held) == len(reference.counted) else held
 
 
+def too_vague(reference: Reference, tolerance: float) -> bool:
+    """Whether what counts is known too little for a plan."""
+    return reference.uncertainty_but(looser(reference, tolerance)) > VAGUEST * tolerance
+
+
 def choose(
     goal: Goal, reference: Reference, wanted: Sequence[Configuration], measure: Measure, levels: Iterable[Run] = ()
 ) -> Plan:
@@ -77,10 +95,11 @@ def choose(
     Raises NoPlan where none is accurate enough, or none of those fast enough; its text names the nearest.
     """
     held = looser(reference, goal.tolerance)
-    if (known := reference.uncertainty_but(held)) > VAGUEST * goal.tolerance:
+    if too_vague(reference, goal.tolerance):
+        known = in_words(reference.uncertainty_but(held))
         raise NoPlan(
-            f"what is true is known to {in_words(known)} only, too little to plan for {_percent(goal.tolerance)}: give "
-            "more --minutes, or leave out the quantities that are not known better"
+            f"what is true is known to {known} only, too little to plan for {_percent(goal.tolerance)}: give more "
+            "--minutes, or leave out the quantities that are not known better"
         )
     search = _Search(goal, reference, measure)
     for one, outcome in levels:

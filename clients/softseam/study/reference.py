@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam.columns import unit_of
 from softseam.errors import SoftseamError
 from softseam.study.errors import (
     FAINT,
@@ -154,7 +155,8 @@ def counted(found: Reference, names: Iterable[str], target: float = TARGET, know
     stress = largest_stress({name: true.scale for name, true in truth.items() if parts[name].converges})
     for name, true in truth.items():
         part, why = parts[name], ""
-        has_limit = part.converges or part.uncertainty_cells <= NEAR * known
+        # a force or a way has a limit, whichever way its levels go
+        has_limit = part.converges or part.uncertainty_cells <= NEAR * known or unit_of(name) != "Pa"
         if is_faint(name, true.scale, stress):
             has_limit, why = False, f"below {100 * FAINT:g} % of the largest stress"
         elif not has_limit:

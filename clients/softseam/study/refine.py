@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from softseam.columns import unit_of
 from softseam.errors import SoftseamError
 from softseam.study.errors import KNOWN, is_faint, is_nothing, largest_stress
 from softseam.study.levels import Levels, Resolution, Watch
@@ -40,8 +41,9 @@ def refine(levels: Levels, budget: float, watch: Watch, target: float = TARGET, 
 
     def take(across: float, step: float, share: float) -> bool:
         new, left = levels.cached(across, step) is None, share * budget - levels.spent
-        foreseen = levels.seconds(across, step)
-        if new and levels.done and foreseen > left:
+        foreseen, deadline = levels.seconds(across, step), levels.deadline
+        late = deadline is not None and not deadline.fits(foreseen, (1.0 - share) * budget)
+        if new and levels.done and (late or foreseen > left):
             return False
         told = watch(f"reference: {levels.configuration(across, step).label}", foreseen) if new else None
         try:
@@ -105,11 +107,13 @@ def assemble(
 
 
 def fine(limits: Mapping[str, Limit], target: float, n_levels: int) -> bool:
-    """Whether every quantity that has a limit is known to the target, and it is clear which have."""
+    """Whether every quantity that has a limit is known to the target, and it is clear which have: of stress, for forces
+    and ways have one."""
     sizes = {name: float(np.sqrt(np.mean(found.value**2))) for name, found in limits.items()}
     stress = largest_stress({name: size for name, size in sizes.items() if limits[name].converges})
     return all(
-        limits[name].uncertainty <= target * sizes[name] or not (limits[name].converges or n_levels < CLEAR)
+        limits[name].uncertainty <= target * sizes[name]
+        or not (limits[name].converges or n_levels < CLEAR or unit_of(name) != "Pa")
         for name in _waited_for(sizes, stress)
     )
 

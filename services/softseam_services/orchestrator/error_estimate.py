@@ -177,8 +177,7 @@ class ErrorEstimator:
             text = f"not known: only {_percent(judged)} of the strain energy is in {cells}; compare with shorter cells"
             return ErrorEstimate(time, mesh, model, 0.0, judged, text, False)
         parts = [f"{what} {_percent(error)}" for what, error in (("mesh", mesh), ("model", model)) if error > 0.0]
-        text = f"{' and '.join(parts) or 'nothing'} in the energy norm, "
-        text += f"some {_percent(answer)} in forces and displacements"
+        text = f"{' and '.join(parts) or 'nothing'} in the energy norm of stress"
         too_large = answer > BOUND
         if too_large:
             of_mesh = MESH.get(self._element, UNMEASURED) * mesh * mesh
