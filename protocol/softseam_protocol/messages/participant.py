@@ -258,6 +258,8 @@ class Advanced:
     """the answer to `Correct.then`; None: that was not served"""
     passing: float = 0.0
     """energy that cells gained as the step began by passing to full quadrature or from it, which nothing did [J]"""
+    given: float = 0.0
+    """energy that the step gave back to a body that turns, beside `tool_work` [J]"""
 
 
 @message

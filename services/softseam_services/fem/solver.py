@@ -251,6 +251,7 @@ class FemSolver:
             out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3),
             stepper.work.seam_actual.copy(),
             n_blended=self.times * int(stepper.work.mixed[0]),
+            given=self._stepper.given,
             passing=self.times * float(self._next.passed[0] - self._committed.passed[0]),
             n_substeps=taken.n_accepted,
             n_rejected=taken.n_rejected,

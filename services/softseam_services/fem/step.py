@@ -13,14 +13,17 @@ import numpy as np
 from softseam_protocol.messages.participant import Advance, Correct
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Floats, Ints
+from softseam_services.body.turning import Turning
 from softseam_services.fem import substeps
+from softseam_services.fem.face_forces import point_positions
 from softseam_services.fem.failures import why
 from softseam_services.fem.inputs import NO_PUSH, Inputs, NewtonSettings, Result, build_result
 from softseam_services.fem.inside_out import alarm
-from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, STATIC, SYMPLECTIC_EULER
+from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, MIDPOINT, STATIC, SYMPLECTIC_EULER
 from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from softseam_services.fem.kernels import step as kernel
+from softseam_services.fem.kernels.contact import FORCE
 from softseam_services.fem.kernels.fronts import seam_root
 from softseam_services.fem.kernels.newton import CONVERGED, FACTORED, N_FACTORS, STALLED
 from softseam_services.fem.kernels.points import remember
@@ -89,6 +92,8 @@ class Stepper:
         self._spec, self._n_tools = spec, n_tools
         self._parts: substeps.Substeps | None = None
         self._told = -1.0  # factor whose yield of the seam was last told
+        self.given = 0.0
+        """to a rotation in the last step, beyond the work of contact along the chords of ways [J]"""
         self.knows_impedance = False
         """whether the other side's stiffness at the seam was ever told"""
         self._take_up(model, parameters)
@@ -100,6 +105,7 @@ class Stepper:
         self.work = build_work(model, parameters, n_tools)
         self.scheme = build_scheme(spec, model, parameters, self.work, n_tools > 0)
         self._tolerance = spec.tolerance * parameters.edge
+        self._turning = self._free_to_turn(model, parameters)
         # substeps alternate between two lengths, of which each keeps a factor of its own
         self._both = [self.work]
         self._spare: list[FemState] = []
@@ -111,6 +117,13 @@ class Stepper:
         self._inputs: Inputs | None = None
         self.result = build_result(len(model.cell_nodes), len(model.seam), n_tools, kernel.N_OUT)
         self.forget()
+
+    def _free_to_turn(self, model: FemModel, parameters: FemParameters) -> Turning | None:
+        """What gives a rotation back; None of a region that is held or tied, or whose integrator keeps it."""
+        planes = np.unique(model.rollers[:, 1])
+        held = len(model.seam) > 0 or len(planes) > 1 or bool((model.order < 0).any())
+        keeps = self.scheme.kind not in (IMPLICIT_EULER, MIDPOINT)
+        return None if held or keeps else Turning(parameters.mass, int(planes[0]) if len(planes) else -1)
 
     def step(
         self,
@@ -131,6 +144,7 @@ class Stepper:
         if end is None:
             end = state.copy()
             end.x += dt * state.v
+        self.given = 0.0
         if inputs.parts > 1 and not self.by_error:
             status = self._take_parts(state, end, inputs, dt)
         else:
@@ -220,7 +234,7 @@ class Stepper:
         self.result.wrench[:] = 0.0
         self.result.out[:] = 0.0
         self.result.seam_x[:] = now.x[self._model.seam]
-        self._parts = None
+        self._parts, self.given = None, 0.0
         for work in self._both:
             work.memo[FACTORED] = 0.0
 
@@ -287,14 +301,36 @@ class Stepper:
         inputs.seam_force[:] = force
         if task == kernel.CORRECT:
             inputs.push[:] = push
+        turning = self._turning if task == kernel.STEP else None
+        begun = now.arrays
+        if turning is not None:
+            slowed = 1.0 + self.scheme.parameters[0] * self.scheme.drag * dt
+            if not turning.begins(now.x, now.v, dt, slowed):
+                turning = None
+            elif self.scheme.kind == IMPLICIT_EULER:
+                flies = np.array_equal(end.x, now.x + dt * now.v)
+                begun = begun._replace(v=turning.start(now.x, now.v))
+                if flies:
+                    end.x[:] = now.x + dt * begun.v
         status: int = kernel.advance(
-            *(self.scheme, self._model, self._parameters, now.arrays, end.arrays),
+            *(self.scheme, self._model, self._parameters, begun, end.arrays),
             *(inputs, self._newton(most, careful), self.work, self.result, task),
         )
         if task == kernel.STEP:
             end.past = past if static else dt
+        if turning is not None and status == CONVERGED:
+            self._give_back(turning, end, tools)
         self._remember(status, task, end)
         return status
+
+    def _give_back(self, turning: Turning, end: FemState, tools: Tools) -> None:
+        """Velocities, and what is told of them, at the end of a step in which the body turned."""
+        turning.end(end.x, end.v, self.result.wrench, tools.position_next)
+        out = self.result.out
+        point_x = point_positions(self._model, self._parameters, end.x)
+        self.given += turning.given(end.contact[:, :, FORCE : FORCE + 3].sum(axis=1), point_x)
+        out[kernel.KINETIC] = turning.kinetic(end.v)
+        out[kernel.ANGULAR : kernel.ANGULAR + 3] = turning.angular(end.x, end.v)
 
     def _inputs_of(self, dt: float, tools: Tools, past: float, pace: float) -> Inputs:
         """With forces to be filled in; one record as long as nothing else changes, since making it takes its time."""
@@ -342,15 +378,15 @@ class Stepper:
         self._spare = self._spare or [now.copy() for _ in range(4)]
         report = substeps.advance(take, self.scheme, now, end, self._spare, length, self._bound)
         self.result.out[kernel.TOOL_WORK], self.result.out[kernel.N_ITERATIONS] = report.tool_work, report.iterations
-        self._parts = report
+        self._parts, self.given = report, 0.0  # of pieces that were rejected, too, it was
         return report.status
 
     def _insist(self, now: FemState, end: FemState, inputs: StepInputs, length: float) -> int:
         """What is left when the plain step failed: a careful one from `now`, then 2, 4 ... 32 parts."""
-        status = STALLED
+        status, given = STALLED, self.given
         for halvings in range(_MOST_HALVINGS + 1):
             pieces = 1 << halvings
-            begin = now.copy()
+            begin, self.given = now.copy(), given
             tool_work = seam_work = iterations = 0.0
             for piece in range(pieces):
                 tools = part_of(inputs.tools, piece / pieces, (piece + 1) / pieces)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.body import Floats
+from softseam_services.body.turning import Turning
 from softseam_services.tools.face_points import PATCHES
 from softseam_services.totals import Totals
 
@@ -85,6 +86,7 @@ class StepScratch:
         self.planned = parameters.substeps(dt)
         """substeps of a step of dt, where nothing goes wrong"""
         self.arrays, self.leap = _room(model, parameters, self.planned)
+        self.turning = _free_to_turn(model, parameters)
 
     def fit(self, model: PbdModel, parameters: PbdParameters, dt: float) -> None:
         """Make ready for steps of dt [s] with these parameters."""
@@ -93,8 +95,15 @@ class StepScratch:
             self.planned = parameters.substeps(dt)
             if other:
                 self.arrays, self.leap = _room(model, parameters, self.planned)
+                self.turning = _free_to_turn(model, parameters)
             else:
                 self.arrays = self.arrays._replace(used=new_used(parameters.arrays, _most(self.planned)))
+
+
+def _free_to_turn(model: PbdModel, parameters: PbdParameters) -> Turning | None:
+    """What gives a rotation back; None of a region that is held or tied, and of explicit steps, which keep it."""
+    held = ((parameters.inverse_mass == 0.0) & (parameters.mass > 0.0)).any()
+    return None if held or parameters.explicit or len(model.seam) else Turning(parameters.mass)
 
 
 def _most(planned: int) -> int:
@@ -216,6 +225,13 @@ def attempt(
         *(n_substeps * n_sweeps, advance_step, *arrays, work, scratch.inputs, scratch.arrays, scratch.outputs),
         *(dt, n_substeps, n_sweeps),
     )
+    turning = scratch.turning
+    if turning is not None and turning.begins(state.x, state.v, dt):
+        alone = parameters.arrays.mass_rate == 0.0 and not scratch.outputs.wrench.any()
+        turning.end_of_substeps(work.x, work.v, n_substeps, alone)
+        result = scratch.outputs.result
+        result[k.KINETIC] = turning.kinetic(work.v)
+        result[k.ANGULAR : k.ANGULAR + 3] = turning.angular(work.x, work.v)
     if len(model.faces.nodes):
         result = scratch.outputs.result
         result[k.SLIP] = max(result[k.SLIP], float(slip_of_patches(*arrays, work.force, work.slip, shares)))
