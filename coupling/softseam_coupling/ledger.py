@@ -4,8 +4,8 @@
 
 K, U, G: kinetic, strain and gravity energy of both sides. `tool_work` is what contact does to the body; the tools'
 motion does more, by what sliding friction takes. `dissipation` is what (1) leaves: the numerical dissipation of the
-integrators, and their solvers' residuals, beside what they give back to a rotation. `switch` is the energy that a change of model added, of regions or of the
-quadrature of cells.
+integrators, and their solvers' residuals, beside what they give back to a rotation. `switch` is the energy that a
+change of model added, of regions or of the quadrature of cells.
 
 What one step creates and others take is a fluctuation; a scheme that creates energy does so again and again. So the
 alarm goes by a cumulated sum (E. S. Page, Continuous inspection schemes, Biometrika 41, 1954),

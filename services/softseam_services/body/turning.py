@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.kernels.turning import (
+    ANGULAR,
     LEAST_TURN,
     MASS,
     MOTION,
@@ -61,6 +62,18 @@ class Turning:
         torque_of(wrench, place, self._axis, self.end_sums, self._dt, self._torque)
         self._turn_on(self.start_sums, x, v)
 
+    def of_whole(self, turn: Floats, dt: float) -> None:
+        """In place of `begins`, of a part: `turn` (22,) tells of the whole body, as of `Advance`."""
+        self._dt, self._slowed = dt, 1.0
+        self.start_sums[:] = turn[:N_SUMS]
+        self._after[:] = 0.0
+
+    def end_of_part(self, x: Floats, v: Floats) -> None:
+        """Eq. (3) without w_c, which is the whole body's, about where its centre flies to."""
+        self.end_sums[:] = self.start_sums
+        self.end_sums[PLACE:MOTION] += self._dt * self.start_sums[MOTION:ANGULAR]
+        add_field(self._after, self.end_sums, x, v, v)
+
     def end_of_substeps(self, x: Floats, v: Floats, n_substeps: int, alone: bool) -> None:
         """w_c of eq. (3) after so many substeps, of v in place; alone: nothing acted from outside."""
         self._see(x, v)
@@ -95,3 +108,16 @@ class Turning:
     def kinetic(self, v: Floats) -> float:
         """[J]"""
         return 0.5 * float(self.mass @ (v * v).sum(axis=1))
+
+
+def with_change(turn: Floats, x: Floats, v: Floats) -> Floats:
+    """Velocities (n, 3) [m/s] of nodes at x (n, 3) [m] with what `turn` (22,) says that they are to be given."""
+    centre, (spin, shift) = turn[PLACE:MOTION] / turn[MASS], turn[N_SUMS:].reshape(2, 3)
+    return np.asarray(v + np.cross(spin, x - centre) + shift)
+
+
+def sums_of(mass: Floats, x: Floats, v: Floats) -> Floats:
+    """Of nodes with masses (n,) [kg] at x (n, 3) [m] with velocities v (n, 3) [m/s], see `kernels.turning.add_up`."""
+    sums = np.zeros(N_SUMS)
+    add_up(mass, x, v, sums)
+    return sums

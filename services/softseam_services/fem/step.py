@@ -6,6 +6,7 @@ not converge the step is tried again with a new factor, then carefully, then in 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from softseam_protocol.messages.participant import Advance, Correct
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Floats, Ints
-from softseam_services.body.turning import Turning
+from softseam_services.body.turning import Turning, with_change
 from softseam_services.fem import substeps
 from softseam_services.fem.face_forces import point_positions
 from softseam_services.fem.failures import why
@@ -40,6 +41,7 @@ _MOST_HALVINGS = 5
 # Of the error that a substep may make in time, the share that Newton's method may leave.
 _UNSEEN = 1e-2
 _SUMMED = [kernel.TOOL_WORK, kernel.SEAM_WORK, kernel.N_ITERATIONS]
+_NO_TURN = np.zeros(0)
 AT_ONCE = substeps.Substeps(n_accepted=1)
 """what a step takes as a rule"""
 
@@ -58,12 +60,14 @@ class StepInputs(NamedTuple):
     """(3s, 3s) [N/m], (0, 0) where it is as told before"""
     parts: int = 1
     """that the tools' way asks for, a power of 2"""
+    turn: Floats = _NO_TURN
+    """of the whole body, where it is in several parts, as of `Advance`"""
 
     @classmethod
     def of(cls, request: Advance, tools: Tools, parts: int = 1) -> StepInputs:
         """What a request says, with the tools over the step, which is taken in so many parts at least."""
         told = request.seam_force, request.seam_force_start, request.seam_target, request.seam_impedance
-        return cls(tools, *told, parts)
+        return cls(tools, *told, parts, request.turn)
 
     def part(self, number: int) -> StepInputs:
         """What acts over one of the parts, whose seam the other side does not follow."""
@@ -94,6 +98,7 @@ class Stepper:
         self._told = -1.0  # factor whose yield of the seam was last told
         self.given = 0.0
         """to a rotation in the last step, beyond the work of contact along the chords of ways [J]"""
+        self._turn = _NO_TURN
         self.knows_impedance = False
         """whether the other side's stiffness at the seam was ever told"""
         self._take_up(model, parameters)
@@ -119,9 +124,9 @@ class Stepper:
         self.forget()
 
     def _free_to_turn(self, model: FemModel, parameters: FemParameters) -> Turning | None:
-        """What gives a rotation back; None of a region that is held or tied, or whose integrator keeps it."""
+        """What gives a rotation back; None of a region that is held, or whose integrator keeps it."""
         planes = np.unique(model.rollers[:, 1])
-        held = len(model.seam) > 0 or len(planes) > 1 or bool((model.order < 0).any())
+        held = len(planes) > 1 or bool((model.order < 0).any())
         keeps = self.scheme.kind not in (IMPLICIT_EULER, MIDPOINT)
         return None if held or keeps else Turning(parameters.mass, int(planes[0]) if len(planes) else -1)
 
@@ -144,7 +149,9 @@ class Stepper:
         if end is None:
             end = state.copy()
             end.x += dt * state.v
-        self.given = 0.0
+        self.given, self._turn = 0.0, inputs.turn
+        if len(inputs.turn):
+            state = replace(state, v=with_change(inputs.turn, state.x, state.v))
         if inputs.parts > 1 and not self.by_error:
             status = self._take_parts(state, end, inputs, dt)
         else:
@@ -301,17 +308,13 @@ class Stepper:
         inputs.seam_force[:] = force
         if task == kernel.CORRECT:
             inputs.push[:] = push
-        turning = self._turning if task == kernel.STEP else None
+        turning = self._turns(now, dt, pace) if task == kernel.STEP else None
         begun = now.arrays
-        if turning is not None:
-            slowed = 1.0 + self.scheme.parameters[0] * self.scheme.drag * dt
-            if not turning.begins(now.x, now.v, dt, slowed):
-                turning = None
-            elif self.scheme.kind == IMPLICIT_EULER:
-                flies = np.array_equal(end.x, now.x + dt * now.v)
-                begun = begun._replace(v=turning.start(now.x, now.v))
-                if flies:
-                    end.x[:] = now.x + dt * begun.v
+        if turning is not None and self.scheme.kind == IMPLICIT_EULER:
+            flies = np.array_equal(end.x, now.x + dt * now.v)
+            begun = begun._replace(v=turning.start(now.x, now.v))
+            if flies:
+                end.x[:] = now.x + dt * begun.v
         status: int = kernel.advance(
             *(self.scheme, self._model, self._parameters, begun, end.arrays),
             *(inputs, self._newton(most, careful), self.work, self.result, task),
@@ -323,13 +326,29 @@ class Stepper:
         self._remember(status, task, end)
         return status
 
+    def _turns(self, now: FemState, dt: float, pace: float) -> Turning | None:
+        """What gives a rotation back in a step of dt [s]; None where it is too slow, or a part's step is cut."""
+        turning = self._turning
+        if turning is None:
+            return None
+        if len(self._model.seam):
+            if len(self._turn) and pace == 1.0:
+                turning.of_whole(self._turn, dt)
+                return turning
+            return None
+        slowed = 1.0 + self.scheme.parameters[0] * self.scheme.drag * dt
+        return turning if turning.begins(now.x, now.v, dt, slowed) else None
+
     def _give_back(self, turning: Turning, end: FemState, tools: Tools) -> None:
         """Velocities, and what is told of them, at the end of a step in which the body turned."""
-        turning.end(end.x, end.v, self.result.wrench, tools.position_next)
+        if len(self._model.seam):
+            turning.end_of_part(end.x, end.v)
+        else:
+            turning.end(end.x, end.v, self.result.wrench, tools.position_next)
         out = self.result.out
         point_x = point_positions(self._model, self._parameters, end.x)
         self.given += turning.given(end.contact[:, :, FORCE : FORCE + 3].sum(axis=1), point_x)
-        out[kernel.KINETIC] = turning.kinetic(end.v)
+        out[kernel.KINETIC], out[kernel.MOMENTUM : kernel.MOMENTUM + 3] = turning.kinetic(end.v), turning.mass @ end.v
         out[kernel.ANGULAR : kernel.ANGULAR + 3] = turning.angular(end.x, end.v)
 
     def _inputs_of(self, dt: float, tools: Tools, past: float, pace: float) -> Inputs:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.body import Floats
-from softseam_services.body.turning import Turning
+from softseam_services.body.turning import Turning, with_change
 from softseam_services.tools.face_points import PATCHES
 from softseam_services.totals import Totals
 
@@ -33,7 +33,7 @@ TOUCH = 1e-3
 """gap below which a handed-over point touches a tool, in block edges"""
 COLLAPSE_STEP = 1e-4
 """size, relative to rest, that a body without shape is given again"""
-NO_FORCES = np.zeros((0, 3))
+NO_FORCES, NO_TURN = np.zeros((0, 3)), np.zeros(0)
 
 
 class StepInputs(NamedTuple):
@@ -44,6 +44,8 @@ class StepInputs(NamedTuple):
     """at the end of the step (s, 3) [N]"""
     seam_force_start: Floats = NO_FORCES
     """and at its start, between which it is linear in time (s, 3); (0, 3) where it is constant"""
+    turn: Floats = NO_TURN
+    """of the whole body, where it is in several parts, as of `Advance`"""
 
 
 class StepResult(NamedTuple):
@@ -201,6 +203,8 @@ def attempt(
     np.copyto(work.buffer, state.buffer)
     if work.monitor[watch.STRETCH] < watch.COLLAPSED:
         work.x[:] += COLLAPSE_STEP * (parameters.x_rest - parameters.x_rest.mean(axis=0))
+    if len(inputs.turn):
+        work.v[:] = with_change(inputs.turn, state.x, state.v)
     n_substeps = scratch.planned * 2 ** (number + int(work.monitor[watch.HALVINGS]))
     if parameters.explicit:
         leap_ahead(model, parameters, dt, n_substeps, scratch)

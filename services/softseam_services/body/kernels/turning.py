@@ -212,10 +212,25 @@ def find_lost(sums, out):
 
 
 @njit(cache=True, error_model="numpy")
+def spin_and_inverse(sums):
+    """S (3,) and I^-1 (3, 3) about the centre."""
+    spin, second, inverse = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    _about_centre(sums, spin, second)
+    _invert_inertia(second, inverse)
+    return spin, inverse
+
+
+@njit(cache=True, error_model="numpy")
 def turning_rate(mass, x, v, axis, sums):
     """|w0| [rad/s] and, into sums (N_SUMS,), what it is of, see `add_up`; 0 where nothing has extent."""
     add_up(mass, x, v, sums)
     flatten(axis, sums)
+    return rate_of(sums)
+
+
+@njit(cache=True, error_model="numpy")
+def rate_of(sums):
+    """|w0| [rad/s]."""
     spin, turning, second, inverse = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
     _about_centre(sums, spin, second)
     _invert_inertia(second, inverse)
