@@ -74,17 +74,24 @@ class Turning:
         self.end_sums[PLACE:MOTION] += self._dt * self.start_sums[MOTION:ANGULAR]
         add_field(self._after, self.end_sums, x, v, v)
 
-    def end_of_substeps(self, x: Floats, v: Floats, n_substeps: int, alone: bool) -> None:
-        """w_c of eq. (3) after so many substeps, of v in place; alone: nothing acted from outside."""
-        self._see(x, v)
+    def end_of_substeps(
+        self, start: tuple[Floats, Floats], x: Floats, v: Floats, dt: float, n_substeps: int, alone: bool
+    ) -> bool:
+        """w_c of eq. (3) after a step of dt [s] in so many substeps, of v in place; whether it was given.
+
+        start: x and v before; alone: nothing acted from outside, so that what the sweeps made of a spin goes, too
+        """
+        began = self.begins(*start, dt)
+        rate = turning_rate(self.mass, x, v, self._axis, self.end_sums)
+        if not (began or (alone and rate * dt > LEAST_TURN)):
+            return False
         self._torque[:] = 0.0
-        if alone:
-            self._turn_on(self.start_sums, x, v)
-            return
-        for sums in (self.start_sums, self.end_sums):
-            find_lost(sums, self._lost)
-            self._torque += 0.5 * self._dt**2 / n_substeps * self._lost
-        self._turn_on(self.end_sums, x, v)
+        if not alone:
+            for sums in (self.start_sums, self.end_sums):
+                find_lost(sums, self._lost)
+                self._torque += 0.5 * dt * dt / n_substeps * self._lost
+        self._turn_on(self.start_sums if alone else self.end_sums, x, v)
+        return True
 
     def _see(self, x: Floats, v: Floats) -> None:
         add_up(self.mass, x, v, self.end_sums)

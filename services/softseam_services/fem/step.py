@@ -124,11 +124,14 @@ class Stepper:
         self.forget()
 
     def _free_to_turn(self, model: FemModel, parameters: FemParameters) -> Turning | None:
-        """What gives a rotation back; None of a region that is held, or whose integrator keeps it."""
+        """What gives a rotation back; None of a region that is held, whose law knows no turns, or whose integrator
+        loses nothing."""
         planes = np.unique(model.rollers[:, 1])
         held = len(planes) > 1 or bool((model.order < 0).any())
         keeps = self.scheme.kind not in (IMPLICIT_EULER, MIDPOINT)
-        return None if held or keeps else Turning(parameters.mass, int(planes[0]) if len(planes) else -1)
+        if held or keeps or model.linear:
+            return None
+        return Turning(parameters.mass, int(planes[0]) if len(planes) else -1)
 
     def step(
         self,

@@ -113,7 +113,10 @@ class BodyTurn:
 
 
 def _keeps_momentum(scene: Scene) -> bool:
-    """Whether nothing but tools and gravity acts on the body, by steps that have no memory of velocities."""
+    """Whether nothing but tools and gravity acts on the body, by steps that have no memory of velocities, and its laws
+    know turns."""
+    if isinstance(scene.body, BodySpec) and any(material.kind == "linear" for material in scene.body.materials):
+        return False
     drag = scene.body.damping if isinstance(scene.body, BodySpec) else 0.0
     return drag == 0.0 and scene.models.pbd.damping.mass == 0.0 and scene.models.fem.integrator == "implicit_euler"
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.body import Floats
+from softseam_services.body.materials.point import LINEAR
 from softseam_services.body.turning import Turning, with_change
 from softseam_services.tools.face_points import PATCHES
 from softseam_services.totals import Totals
@@ -103,9 +104,11 @@ class StepScratch:
 
 
 def _free_to_turn(model: PbdModel, parameters: PbdParameters) -> Turning | None:
-    """What gives a rotation back; None of a region that is held or tied, and of explicit steps, which keep it."""
+    """What gives a rotation back; None of a region that is held or tied, whose law knows no turns, and of explicit
+    steps, which lose nothing."""
     held = ((parameters.inverse_mass == 0.0) & (parameters.mass > 0.0)).any()
-    return None if held or parameters.explicit or len(model.seam) else Turning(parameters.mass)
+    keeps = parameters.explicit or parameters.blocks.law == LINEAR
+    return None if held or keeps or len(model.seam) else Turning(parameters.mass)
 
 
 def _most(planned: int) -> int:
@@ -229,15 +232,12 @@ def attempt(
         *(n_substeps * n_sweeps, advance_step, *arrays, work, scratch.inputs, scratch.arrays, scratch.outputs),
         *(dt, n_substeps, n_sweeps),
     )
-    turning = scratch.turning
-    if turning is not None and turning.begins(state.x, state.v, dt):
-        alone = parameters.arrays.mass_rate == 0.0 and not scratch.outputs.wrench.any()
-        turning.end_of_substeps(work.x, work.v, n_substeps, alone)
-        result = scratch.outputs.result
+    turning, result = scratch.turning, scratch.outputs.result
+    alone = parameters.arrays.mass_rate == 0.0 and not scratch.outputs.wrench.any()
+    if turning is not None and turning.end_of_substeps((state.x, state.v), work.x, work.v, dt, n_substeps, alone):
         result[k.KINETIC] = turning.kinetic(work.v)
         result[k.ANGULAR : k.ANGULAR + 3] = turning.angular(work.x, work.v)
     if len(model.faces.nodes):
-        result = scratch.outputs.result
         result[k.SLIP] = max(result[k.SLIP], float(slip_of_patches(*arrays, work.force, work.slip, shares)))
     return n_substeps, n_sweeps
 

@@ -145,12 +145,11 @@ def advance(
         told.gripping[: len(inputs.gripping)] = inputs.gripping
     take_hold(numbers, work, told)
     arrays, turning = scratch.arrays, scratch.turning
-    if turning is not None and not ((work.held < 0.0).all() and turning.begins(work.x, work.v, dt)):
-        turning = None
+    begun = (work.x.copy(), work.v.copy()) if turning is not None and (work.held < 0.0).all() else None
     count = advance_step(model.arrays, numbers, work, told, arrays, outputs, dt, n_substeps, parameters.spec.sweeps)
-    if turning is not None:
+    if turning is not None and begun is not None:
         alone = numbers.drag == 0.0 and not outputs.wrench.any()
-        turning.end_of_substeps(work.x, work.v, n_substeps, alone)
+        turning.end_of_substeps(begun, work.x, work.v, dt, n_substeps, alone)
     k.summarise(numbers, work, told, arrays.contacts, outputs, count)
 
 
