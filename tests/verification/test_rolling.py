@@ -62,8 +62,8 @@ def mass_of(body: Body) -> Floats:
 @pytest.mark.slow
 @pytest.mark.parametrize(("model", "within"), [("fem", 0.02), ("pbd", 0.03)])
 def test_a_cylinder_rolls_down_a_slope(tmp_path: Path, model: str, within: float) -> None:
-    """g sin(a)/(1 + I/(m r^2)) t^2/2 within 2 %, I of the masses in the cells, and by XPBD, whose substeps damp where it
-    is pressed, within 3 %; and no step is said to add energy."""
+    """g sin(a)/(1 + I/(m r^2)) t^2/2 within 2 %, I of the masses in the cells; by XPBD, whose substeps damp where it is
+    pressed, within 3 %. No step is said to add energy."""
     gravity = [9.81 * np.sin(SLOPE), 0.0, -9.81 * np.cos(SLOPE)]
     with softseam.open(scene(tmp_path, model, {}, gravity=gravity, duration=0.5)) as sim:
         start = sim.reset()
