@@ -40,6 +40,7 @@ from softseam_protocol.messages.participant import (
     ToolMotion,
 )
 from softseam_protocol.scene.scene import Scene
+from softseam_services.body.turning import with_change
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.coupling import Coupling
 from softseam_services.orchestrator.sides import Sides
@@ -352,11 +353,16 @@ class Participants:
     # ---- what they know
 
     def observe(self, indicators: bool = False, own: bool = False) -> dict[str, Fields]:
-        """Each side's fields, with its errors where asked for; of them only what its own model errs."""
+        """Each side's fields, with its errors where asked for; of them only what its own model errs. Velocities are
+        those that the next step begins with."""
         self._discard_failed()
         requests = {name: Observe(self._header(name), indicators, own) for name in self.sides.names}
         replies = self._transport.exchange(requests)
-        return {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
+        found = {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
+        said = np.zeros(0) if self._coupling is None else self._coupling.turn.said
+        if not len(said):
+            return found
+        return {name: replace(one, v=with_change(said, one.x, one.v)) for name, one in found.items()}
 
     def snapshot(self) -> dict[str, bytes]:
         """Each side's state, which the transport keeps to recover a participant with."""

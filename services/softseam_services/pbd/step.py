@@ -234,7 +234,11 @@ def attempt(
     )
     turning, result = scratch.turning, scratch.outputs.result
     alone = parameters.arrays.mass_rate == 0.0 and not scratch.outputs.wrench.any()
-    if turning is not None and turning.end_of_substeps((state.x, state.v), work.x, work.v, dt, n_substeps, alone):
+    if (
+        number == 0
+        and turning is not None
+        and turning.end_of_substeps((state.x, state.v), work.x, work.v, dt, n_substeps, alone)
+    ):
         result[k.KINETIC] = turning.kinetic(work.v)
         result[k.ANGULAR : k.ANGULAR + 3] = turning.angular(work.x, work.v)
     if len(model.faces.nodes):

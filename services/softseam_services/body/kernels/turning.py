@@ -27,7 +27,7 @@ from softseam_services.jit import njit
 MASS, PLACE, MOTION, ANGULAR, SECOND = 0, 1, 4, 7, 10
 N_SUMS = 16
 """of nodes: m, m x, m v, m x x v, m x x^T as xx yy zz yz xz xy"""
-LEAST_TURN = 1e-4
+LEAST_TURN = 1e-3
 """angle of a step below which it is taken as it is [rad]: its square is lost of a spin then"""
 _THIN = 1e-9
 """share of the largest moment that the least one counts with at least, as of a straight rope [1]"""
