@@ -26,8 +26,9 @@ from softseam_services.fem.model import FemModel
 from softseam_services.fem.region_tables import RegionTables
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
-from softseam_services.fem.step import AT_ONCE, StepInputs, Stepper, StepResult
+from softseam_services.fem.step import Stepper
 from softseam_services.fem.step_derivative import Augmentation, StepDerivative
+from softseam_services.fem.step_inputs import AT_ONCE, StepInputs, StepResult
 from softseam_services.fem.structures import Tables
 from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.fem.work import Work, build_work

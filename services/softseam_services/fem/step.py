@@ -7,20 +7,19 @@ not converge the step is tried again with a new factor, then carefully, then in 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
-from softseam_protocol.messages.participant import Advance, Correct
+from softseam_protocol.messages.participant import Correct
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.turning import Turning, with_change
 from softseam_services.fem import substeps
 from softseam_services.fem.face_forces import point_positions
 from softseam_services.fem.failures import why
-from softseam_services.fem.inputs import NO_PUSH, Inputs, NewtonSettings, Result, build_result
+from softseam_services.fem.inputs import NO_PUSH, Inputs, NewtonSettings, build_result
 from softseam_services.fem.inside_out import alarm
-from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, MIDPOINT, STATIC, SYMPLECTIC_EULER
+from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, STATIC, SYMPLECTIC_EULER
 from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from softseam_services.fem.kernels import step as kernel
@@ -31,7 +30,9 @@ from softseam_services.fem.kernels.points import remember
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.state import FemState
+from softseam_services.fem.step_inputs import AT_ONCE, NO_TURN, StepInputs, StepResult
 from softseam_services.fem.tool_motion import Tools, part_of
+from softseam_services.fem.turning import free_to_turn
 from softseam_services.fem.work import build_work
 
 _CAREFUL_ITERATIONS = 200
@@ -41,52 +42,6 @@ _MOST_HALVINGS = 5
 # Of the error that a substep may make in time, the share that Newton's method may leave.
 _UNSEEN = 1e-2
 _SUMMED = [kernel.TOOL_WORK, kernel.SEAM_WORK, kernel.N_ITERATIONS]
-_NO_TURN = np.zeros(0)
-AT_ONCE = substeps.Substeps(n_accepted=1)
-"""what a step takes as a rule"""
-
-
-class StepInputs(NamedTuple):
-    """What acts on a region over one step, but for its length (s seam nodes); the seam as of `Advance`."""
-
-    tools: Tools
-    seam_force: Floats
-    """(s, 3) [N]"""
-    seam_force_start: Floats
-    """(s, 3) [N], (0, 3) where the force is constant"""
-    seam_target: Floats
-    """(s, 3) [m], (0, 3) where nothing beyond the seam resists"""
-    seam_impedance: Floats
-    """(3s, 3s) [N/m], (0, 0) where it is as told before"""
-    parts: int = 1
-    """that the tools' way asks for, a power of 2"""
-    turn: Floats = _NO_TURN
-    """of the whole body, where it is in several parts, as of `Advance`"""
-
-    @classmethod
-    def of(cls, request: Advance, tools: Tools, parts: int = 1) -> StepInputs:
-        """What a request says, with the tools over the step, which is taken in so many parts at least."""
-        told = request.seam_force, request.seam_force_start, request.seam_target, request.seam_impedance
-        return cls(tools, *told, parts, request.turn)
-
-    def part(self, number: int) -> StepInputs:
-        """What acts over one of the parts, whose seam the other side does not follow."""
-        first, last = number / self.parts, (number + 1) / self.parts
-        start, force = self.seam_force_start, self.seam_force
-        if len(start):
-            start, force = (start + share * (force - start) for share in (first, last))
-        return StepInputs(part_of(self.tools, first, last), force, start, self.seam_target[:0], self.seam_impedance)
-
-
-class StepResult(NamedTuple):
-    """What a step came to, beside the state at its end."""
-
-    status: int
-    """of `kernels.newton`; the rest is valid where it is CONVERGED"""
-    arrays: Result
-    """overwritten by the next step"""
-    substeps: substeps.Substeps
-    """what it took to get through"""
 
 
 class Stepper:
@@ -96,9 +51,8 @@ class Stepper:
         self._spec, self._n_tools = spec, n_tools
         self._parts: substeps.Substeps | None = None
         self._told = -1.0  # factor whose yield of the seam was last told
-        self.given = 0.0
+        self._turn, self.given = NO_TURN, 0.0
         """to a rotation in the last step, beyond the work of contact along the chords of ways [J]"""
-        self._turn = _NO_TURN
         self.knows_impedance = False
         """whether the other side's stiffness at the seam was ever told"""
         self._take_up(model, parameters)
@@ -110,7 +64,7 @@ class Stepper:
         self.work = build_work(model, parameters, n_tools)
         self.scheme = build_scheme(spec, model, parameters, self.work, n_tools > 0)
         self._tolerance = spec.tolerance * parameters.edge
-        self._turning = self._free_to_turn(model, parameters)
+        self._turning = free_to_turn(self.scheme.kind, model, parameters)
         # substeps alternate between two lengths, of which each keeps a factor of its own
         self._both = [self.work]
         self._spare: list[FemState] = []
@@ -122,16 +76,6 @@ class Stepper:
         self._inputs: Inputs | None = None
         self.result = build_result(len(model.cell_nodes), len(model.seam), n_tools, kernel.N_OUT)
         self.forget()
-
-    def _free_to_turn(self, model: FemModel, parameters: FemParameters) -> Turning | None:
-        """What gives a rotation back; None of a region that is held, whose law knows no turns, or whose integrator
-        loses nothing."""
-        planes = np.unique(model.rollers[:, 1])
-        held = len(planes) > 1 or bool((model.order < 0).any())
-        keeps = self.scheme.kind not in (IMPLICIT_EULER, MIDPOINT)
-        if held or keeps or model.linear:
-            return None
-        return Turning(parameters.mass, int(planes[0]) if len(planes) else -1)
 
     def step(
         self,
@@ -332,13 +276,11 @@ class Stepper:
     def _turns(self, now: FemState, dt: float, pace: float) -> Turning | None:
         """What gives a rotation back in a step of dt [s]; None where it is too slow, or a part's step is cut."""
         turning = self._turning
-        if turning is None:
+        if turning is None or (len(self._model.seam) and (pace != 1.0 or not len(self._turn))):
             return None
         if len(self._model.seam):
-            if len(self._turn) and pace == 1.0:
-                turning.of_whole(self._turn, dt)
-                return turning
-            return None
+            turning.of_whole(self._turn, dt)
+            return turning
         slowed = 1.0 + self.scheme.parameters[0] * self.scheme.drag * dt
         return turning if turning.begins(now.x, now.v, dt, slowed) else None
 
@@ -349,8 +291,8 @@ class Stepper:
         else:
             turning.end(end.x, end.v, self.result.wrench, tools.position_next)
         out = self.result.out
-        point_x = point_positions(self._model, self._parameters, end.x)
-        self.given += turning.given(end.contact[:, :, FORCE : FORCE + 3].sum(axis=1), point_x)
+        force = end.contact[:, :, FORCE : FORCE + 3].sum(axis=1)
+        self.given += turning.given(force, point_positions(self._model, self._parameters, end.x))
         out[kernel.KINETIC], out[kernel.MOMENTUM : kernel.MOMENTUM + 3] = turning.kinetic(end.v), turning.mass @ end.v
         out[kernel.ANGULAR : kernel.ANGULAR + 3] = turning.angular(end.x, end.v)
 

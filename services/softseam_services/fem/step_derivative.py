@@ -28,6 +28,7 @@ from softseam_services.fem.kernels.step_derivative import (
 from softseam_services.fem.state import FemState
 from softseam_services.fem.structures import Tables
 from softseam_services.fem.tool_motion import at_rest
+from softseam_services.fem.turning import free_to_turn
 from softseam_services.fem.turning_derivative import TurningDerivative
 from softseam_services.fem.work import build_work
 from softseam_services.tools.tool_set import ToolSet
@@ -86,7 +87,8 @@ class StepDerivative:
         self._scheme, self._tables, self._dt, self._tolerance = scheme, tables, dt, tolerance
         self._work = build_work(*tables, len(tools.names))
         self._slopes = build_slopes(self._work)
-        self._turning = None if (tables.model.order < 0).any() else TurningDerivative(tables, dt)
+        turning = free_to_turn(scheme.kind, *tables)
+        self._turning = None if turning is None else TurningDerivative(turning, tables, dt)
         self._turned = False  # whether the step that is looked at gave a rotation back
         self._tools = at_rest(tools)
         self._inputs = Inputs(dt, self._tools, np.zeros((0, 3)), dt, 1.0, NO_PUSH)

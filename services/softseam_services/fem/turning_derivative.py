@@ -36,9 +36,8 @@ _TINY = 1e-30
 class TurningDerivative:
     """Of the step looked at last, of length dt [s], of a whole body that nothing clamps."""
 
-    def __init__(self, tables: Tables, dt: float) -> None:
-        self._tables, self._dt = tables, dt
-        self._turning = Turning(tables.parameters.mass)
+    def __init__(self, turning: Turning, tables: Tables, dt: float) -> None:
+        self._turning, self._tables, self._dt = turning, tables, dt
 
     def look(self, now: FemState, end: FemState) -> FemState | None:
         """The start with the velocity that the step began with; None where nothing was given back in it."""

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages.participant import Advanced, BodyState, PartMesh, ToolMotion
+from softseam_protocol.messages.participant import Advanced, BodyState, Fields, PartMesh, ToolMotion
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.kernels.turning import (
@@ -28,7 +28,7 @@ from softseam_services.body.kernels.turning import (
     rate_of,
     spin_and_inverse,
 )
-from softseam_services.body.turning import sums_of
+from softseam_services.body.turning import sums_of, with_change
 
 Floats = NDArray[np.float64]
 
@@ -100,6 +100,13 @@ class BodyTurn:
         self._sums[MOTION:ANGULAR] = momentum
         self._sums[ANGULAR:SECOND] = spin + dt * torque + np.cross(centre, momentum)
         return {name: _changed(reply, centre, turn, shift) for name, reply in told.items()}
+
+    def seen(self, fields: dict[str, Fields]) -> dict[str, Fields]:
+        """The parts' fields, with velocities that the next step begins with."""
+        said = self.said
+        if not len(said):
+            return fields
+        return {name: replace(one, v=with_change(said, one.x, one.v)) for name, one in fields.items()}
 
     def to_array(self) -> Floats:
         """All of it, for a snapshot."""

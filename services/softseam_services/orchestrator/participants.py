@@ -40,7 +40,6 @@ from softseam_protocol.messages.participant import (
     ToolMotion,
 )
 from softseam_protocol.scene.scene import Scene
-from softseam_services.body.turning import with_change
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.coupling import Coupling
 from softseam_services.orchestrator.sides import Sides
@@ -359,10 +358,7 @@ class Participants:
         requests = {name: Observe(self._header(name), indicators, own) for name in self.sides.names}
         replies = self._transport.exchange(requests)
         found = {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
-        said = np.zeros(0) if self._coupling is None else self._coupling.turn.said
-        if not len(said):
-            return found
-        return {name: replace(one, v=with_change(said, one.x, one.v)) for name, one in found.items()}
+        return found if self._coupling is None else self._coupling.turn.seen(found)
 
     def snapshot(self) -> dict[str, bytes]:
         """Each side's state, which the transport keeps to recover a participant with."""
