@@ -13,8 +13,6 @@ from softseam.columns import shown_unit
 from softseam.view.colors import label
 from softseam_protocol.messages.outcomes import EventKind
 
-_DAMPED = 0.05
-"""part of the largest energy of a free body that its run may lose without a word"""
 _MOST = 6
 """sentences on what was not done"""
 CLAIMED = "±"
@@ -33,7 +31,6 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
         console.print(Text(f"friction {report['uneven_friction']}", style="dim"))
     claims = report.get("claims")
     _print_trust(console, report["estimated_error"], claims)
-    _print_damping(console, report["energy"], report["model"])
     _print_not_done(console, report["not_done"])
     claimed = {} if claims is None else claims["quantities"]
     console.print(_quantities(report["quantities"], claimed))
@@ -137,19 +134,6 @@ def _print_trust(console: Console, estimate: Mapping[str, Any] | None, claims: M
         if parts:
             told = f"stress over the whole body is off by: {' and '.join(parts)}, in the energy norm"
             console.print(Text(told, style="dim"), soft_wrap=True)
-
-
-def _print_damping(console: Console, energy: Mapping[str, Any], model: str) -> None:
-    """That the steps took much of the energy of a body that no tool touched, which the estimate does not know of."""
-    taken = energy["damped"] - energy["balance_error"]
-    if energy["touched"] or energy["viscous"] or taken <= _DAMPED * energy["largest"]:
-        return
-    told = (
-        f"the steps took {100.0 * taken / energy['largest']:.0f} % of the body's energy, which no tool touched, so it "
-        "spins or swings too little: shorten the step"
-    )
-    told += "" if model == "pbd" else ", or try models.fem.integrator: midpoint"
-    console.print(Text(told, "bold yellow"), soft_wrap=True)
 
 
 def _print_not_done(console: Console, told: list[str]) -> None:

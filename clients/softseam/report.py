@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from softseam.choice import choices
 from softseam.columns import SPENT, Columns, unit_of
-from softseam.not_done import not_done, touched
+from softseam.not_done import not_done
 from softseam.outputs import cannot_write
 from softseam.rounding import Rounding
 from softseam.symmetric import symmetric
@@ -31,9 +31,7 @@ from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import scene_hash
-from softseam_protocol.scene.models import DampingSpec
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
 
@@ -120,8 +118,6 @@ class ReportBuilder:
                 "ledger": {name: _list(c[f"energy.{name}"]) for name in c.names("energy.")},
                 "balance_error": self._energy_from_nowhere(),
                 "damped": self._damped(),
-                "viscous": self._viscous(),
-                "touched": any(touched(c, tool) for tool in self._scene.tools),
                 "largest": _max(c["energy.kinetic"] + c["energy.strain"]),
             },
             "penetration": {"worst": _max(c["penetration"]), "unit": "m"},
@@ -212,13 +208,6 @@ class ReportBuilder:
     def _damped(self) -> float:
         """What the integrators took from the motion, in all [J]: swings die out that much sooner than true ones."""
         return _sum(np.maximum(self.columns["energy.dissipation"], 0.0))
-
-    def _viscous(self) -> bool:
-        """Whether the scene itself asks for drag or viscosity: then what is damped is no error."""
-        bodies = self._scene.bodies.values()
-        own = (body.material.retardation_time > 0.0 for body in bodies if isinstance(body, BodySpec))
-        drag = (body.damping > 0.0 for body in bodies)
-        return any(own) or any(drag) or self._scene.models.pbd.damping != DampingSpec()
 
     def _vectors(self, name: str) -> list[list[float | None]]:
         axes = [_list(self.columns[f"{name}.{axis}"]) for axis in "xyz"]

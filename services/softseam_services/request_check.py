@@ -26,6 +26,8 @@ def problem_of(request: Advance, n_tools: int, n_seam: int) -> str:
         return f"the seam force at the step's start has shape {start.shape}, this region's seam needs ({n_seam}, 3)"
     if len(start) and len(request.seam_target):
         return "a seam force that is linear in time beside an anchor: send one of the two"
+    if request.turn.shape not in ((0,), (22,)) or not np.isfinite(request.turn).all():
+        return "the turn of the whole body is 22 finite numbers, or none"
     if not all_finite(*poses, force) or (len(start) and not np.isfinite(start).all()):
         if not (np.isfinite(force).all() and np.isfinite(start).all()):
             return "the seam force is not finite: the seam solver must send finite multipliers"

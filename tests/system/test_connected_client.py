@@ -44,6 +44,20 @@ def test_same_bits_as_embedded(services: Services) -> None:
     assert seen[0] == seen[1]
 
 
+def test_a_body_that_turns_has_the_same_bits(services: Services) -> None:
+    """What its rotation is given back is the whole body's: parts in processes of their own are told of it, and steps
+    that begin with the correction of the one before are as if begun one by one."""
+    services.wait_well()
+    scene, seen = squeezed_bar(), []
+    spins = scene.with_body(scene.body.model_copy(update={"spin": (4.0, 0.0, 9.0), "fixed": ()}))
+    for endpoint in (None, services.endpoint):
+        with softseam.open(spins.model_copy(update={"gravity": (0.0, 0.0, 0.0)}), endpoint) as sim:
+            sim.reset()
+            later = [sim.step(), sim.run(max_steps=6, fields=True)]
+            seen.append([(o.positions.tobytes(), list(o.angular_momentum), o.step) for o in later])
+    assert seen[0] == seen[1]
+
+
 def test_every_step_of_a_run_is_seen(services: Services) -> None:
     """Observations that come several at a time over the bus: all of them, in order, with the bits of single steps."""
     services.wait_well()

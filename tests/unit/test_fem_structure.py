@@ -15,7 +15,8 @@ from softseam_services.body.build import build_body
 from softseam_services.fem.parameters import build_parameters
 from softseam_services.fem.region_tables import RegionTables
 from softseam_services.fem.solver import FemSolver
-from softseam_services.fem.step import StepInputs, Stepper
+from softseam_services.fem.step import Stepper
+from softseam_services.fem.step_inputs import StepInputs
 from softseam_services.fem.structures import Structures, Tables
 from softseam_services.fem.tool_motion import at_rest, moved
 

@@ -92,6 +92,8 @@ def _scene(case: str) -> softseam.Scene:
         return scene({}, body=CLAMP)
     if case in ("round", "flat"):
         return scene(ROUND if case == "round" else FLAT)
+    if case == "turning":
+        return scene({"ground": {"kind": "plane", "friction": 0.4}}, body=SPINS)
     if case == "at edges":
         return grasp(0.5, SMALL_PADS)
     if case == "corotated":
@@ -124,14 +126,20 @@ def test_a_gradient_by_the_way_of_a_tool_is_the_central_difference(
     assert found[step, axis] == pytest.approx(expected, rel=1e-5)
 
 
-def test_gradients_by_the_start_are_central_differences() -> None:
-    """A cube that falls onto the ground, sideways."""
-    falling = {"position": [0.0, 0.0, 5e-4], "velocity": [0.05, 0.0, 0.0]}
+FALLING: dict[str, Any] = {"position": [0.0, 0.0, 5e-4], "velocity": [0.05, 0.0, 0.0]}
+SPINS = {**FALLING, "position": [0.0, 0.0, 5e-3], "spin": [3.0, -5.0, 8.0]}
+
+
+@pytest.mark.parametrize("falling", [FALLING, SPINS])
+def test_gradients_by_the_start_are_central_differences(falling: dict[str, Any]) -> None:
+    """A cube that falls onto the ground, sideways, and one that spins as well."""
     cube = scene({"ground": {"kind": "plane", "friction": 0.4}}, body=falling, tolerance=1e-12)
     commands: Commands = [{}] * 20
     loss = total(tool_force("ground", [1.0, 0.0, 1.0]), displacement([5.0, 0.0, 10.0]))
     with softseam.open(cube) as sim:
-        gradient = sim.gradient(loss, ["velocity", "position"], commands=commands)
+        gradient = sim.gradient(loss, ["velocity", "position", "young"], commands=commands)
+        young = difference(sim, loss, commands, YOUNG, 20e3, 1e-5)
+        assert gradient["young"] == pytest.approx(young, rel=1e-5)
         for name, axis, apart in (("velocity", 0, 1e-5), ("velocity", 2, 1e-5), ("position", 2, 1e-7)):
             found = []
             for side in (1.0, -1.0):
@@ -151,10 +159,10 @@ def _sweep(sim: Session, loss: Loss, commands: Commands) -> tuple[Any, FemSolver
     return rollout, solver, simulation.tools
 
 
-@pytest.mark.parametrize("case", ["sticking", "sliding", "uneven", "at edges", "round"])
+@pytest.mark.parametrize("case", ["sticking", "sliding", "uneven", "at edges", "round", "turning"])
 def test_backward_is_the_transpose_of_forward(case: str) -> None:
     """<a, D b> = <D^T a, b> of each step, for random a and b: to what GMRES leaves, in steps solved again, too."""
-    commands = PRESS if case == "round" else squeeze(30, 0.03, 22)
+    commands = {"round": PRESS, "turning": [{}] * 20}.get(case, squeeze(30, 0.03, 22))
     random, augmented = np.random.default_rng(3), 0
     fields = ("x", "v", "force", "anchor", "tool_start", "tool_end", "friction", "young")
     with softseam.open(_scene(case)) as sim:

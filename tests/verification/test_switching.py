@@ -44,10 +44,7 @@ def spinning_cube() -> Scene:
 
 
 def test_momentum_survives_switches() -> None:
-    """Every 20 steps the border moves: P to 1e-12 over the whole run, L to 1e-10 over each switch, relative.
-
-    Angular momentum between switches is the integrators' own affair: implicit Euler loses some in every step.
-    """
+    """Every 20 steps the border moves: P to 1e-12 over the whole run, L to 1e-10 over each switch, relative."""
     scene = spinning_cube()
     simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
     near = simulation.regions.near.mask.copy()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -147,16 +146,13 @@ def test_a_spin_is_not_damped(spin: tuple[float, float, float]) -> None:
     assert kept[1] == pytest.approx(kept[0], abs=1e-3) and kept[0] < 0.12
 
 
-def test_moments_balance_as_the_integrator_lets_them() -> None:
-    """Tumbling and bending: momentum to rounding, angular momentum with implicit Euler's order, energy falls."""
-    changes = []
+def test_moments_balance() -> None:
+    """Tumbling and bending: momentum and angular momentum to rounding, energy falls."""
     for dt in (2e-3, 1e-3, 5e-4):
         replies = thrown(0.01, (8.0, 10.0, 6.0), bend=0.6).run(0.1, dt=dt)
         np.testing.assert_allclose(replies[-1].momentum, replies[0].momentum, atol=1e-12)
         change, growth = left(replies)
-        assert growth < 0.0
-        changes.append(change)
-    assert all(fine < 0.62 * coarse for coarse, fine in pairwise(changes))
+        assert growth < 0.0 and change < 1e-9
 
 
 KINDS: list[tuple[MaterialKind, ElementKind]] = [

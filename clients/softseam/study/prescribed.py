@@ -14,6 +14,7 @@ def prescribed(scene: Scene) -> dict[str, str]:
         found["grip_force"] = "the motion prescribes it: tools hold this force"
     elif grips and all(grip.until.force is None for grip in grips):
         found["compression"] = "the motion prescribes it: tools close by so much"
-    if any(isinstance(phase, MovePhase) and phase.move[2] > 0.0 for phase in scene.motion):
+    moves = (phase for phase in scene.motion if isinstance(phase, MovePhase))
+    if any(way[2] > 0.0 for phase in moves for way in phase.ways.values()):
         found["lift_height"] = "the motion prescribes it: tools rise by so much"
     return found

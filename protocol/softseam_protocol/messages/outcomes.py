@@ -52,7 +52,7 @@ class EventKind(StrEnum):
     """What an event is about."""
 
     ACCURACY = "accuracy"
-    """the estimated error is too large"""
+    """the estimated error is too large, or steps damp a bounce or a swing"""
     BUS = "bus"
     """what exchanges cost"""
     CELLS = "cells"

@@ -174,6 +174,10 @@ class Advance:
     """force at the start of the step, from which it goes to seam_force linearly in time (s, 3) [N]; empty: constant"""
     repeat_compliance: bool = False
     """tell `Advanced.seam_compliance_root` also if it was told before"""
+    turn: Scalars = field(default_factory=NO_SCALARS)
+    """of a body in several parts that turns: as the step begins, of all its nodes, mass, m x, m v, m x x v, and m x x
+    as xx yy zz yz xz xy; then angular velocity about their centre [rad/s] and velocity [m/s] that every node is to be
+    given before the step (22,); empty: nothing is"""
 
 
 @message
@@ -258,6 +262,11 @@ class Advanced:
     """the answer to `Correct.then`; None: that was not served"""
     passing: float = 0.0
     """energy that cells gained as the step began by passing to full quadrature or from it, which nothing did [J]"""
+    given: float = 0.0
+    """energy that the step gave back to a body that turns, beside `tool_work` [J]"""
+    sums: Scalars = field(default_factory=NO_SCALARS)
+    """of a part with coupling nodes: over its nodes as the step ends, as the first sixteen of `Advance.turn`; empty:
+    what steps lose of the body's rotation is not given back"""
 
 
 @message

@@ -13,6 +13,7 @@ from softseam_protocol.messages.participant import Advance, Advanced, BodyState,
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.kernels.bounds import bound_points
+from softseam_services.body.turning import sums_of
 from softseam_services.fem.face_forces import taken_over
 from softseam_services.fem.failures import STATUS
 from softseam_services.fem.field_reader import FieldReader
@@ -25,8 +26,9 @@ from softseam_services.fem.model import FemModel
 from softseam_services.fem.region_tables import RegionTables
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
-from softseam_services.fem.step import AT_ONCE, StepInputs, Stepper, StepResult
+from softseam_services.fem.step import Stepper
 from softseam_services.fem.step_derivative import Augmentation, StepDerivative
+from softseam_services.fem.step_inputs import AT_ONCE, StepInputs, StepResult
 from softseam_services.fem.structures import Tables
 from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.fem.work import Work, build_work
@@ -36,8 +38,8 @@ from softseam_services.tools.tool_set import ToolSet
 from softseam_services.tools.travel import parts_needed
 from softseam_services.totals import Totals
 
-_NONE, _FREE = np.zeros((0, 0)), np.zeros((0, 3))
-"""no matrix of the seam, and no vectors"""
+_NONE, _FREE, _NO_SUMS = np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0)
+"""no matrix of the seam, no vectors and no numbers"""
 
 
 class FemSolver:
@@ -252,6 +254,8 @@ class FemSolver:
             out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3),
             stepper.work.seam_actual.copy(),
             n_blended=self.times * int(stepper.work.mixed[0]),
+            given=self._stepper.given,
+            sums=sums_of(self._parameters.mass, self._now.x, self._now.v) if len(self._model.seam) else _NO_SUMS,
             passing=self.times * float(self._next.passed[0] - self._committed.passed[0]),
             n_substeps=taken.n_accepted,
             n_rejected=taken.n_rejected,

@@ -6,28 +6,33 @@ not converge the step is tried again with a new factor, then carefully, then in 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
-from softseam_protocol.messages.participant import Advance, Correct
+from softseam_protocol.messages.participant import Correct
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Floats, Ints
+from softseam_services.body.turning import Turning, with_change
 from softseam_services.fem import substeps
+from softseam_services.fem.face_forces import point_positions
 from softseam_services.fem.failures import why
-from softseam_services.fem.inputs import NO_PUSH, Inputs, NewtonSettings, Result, build_result
+from softseam_services.fem.inputs import NO_PUSH, Inputs, NewtonSettings, build_result
 from softseam_services.fem.inside_out import alarm
 from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, STATIC, SYMPLECTIC_EULER
 from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from softseam_services.fem.kernels import step as kernel
+from softseam_services.fem.kernels.contact import FORCE
 from softseam_services.fem.kernels.fronts import seam_root
 from softseam_services.fem.kernels.newton import CONVERGED, FACTORED, N_FACTORS, STALLED
 from softseam_services.fem.kernels.points import remember
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.state import FemState
+from softseam_services.fem.step_inputs import AT_ONCE, NO_TURN, StepInputs, StepResult
 from softseam_services.fem.tool_motion import Tools, part_of
+from softseam_services.fem.turning import free_to_turn
 from softseam_services.fem.work import build_work
 
 _CAREFUL_ITERATIONS = 200
@@ -37,49 +42,6 @@ _MOST_HALVINGS = 5
 # Of the error that a substep may make in time, the share that Newton's method may leave.
 _UNSEEN = 1e-2
 _SUMMED = [kernel.TOOL_WORK, kernel.SEAM_WORK, kernel.N_ITERATIONS]
-AT_ONCE = substeps.Substeps(n_accepted=1)
-"""what a step takes as a rule"""
-
-
-class StepInputs(NamedTuple):
-    """What acts on a region over one step, but for its length (s seam nodes); the seam as of `Advance`."""
-
-    tools: Tools
-    seam_force: Floats
-    """(s, 3) [N]"""
-    seam_force_start: Floats
-    """(s, 3) [N], (0, 3) where the force is constant"""
-    seam_target: Floats
-    """(s, 3) [m], (0, 3) where nothing beyond the seam resists"""
-    seam_impedance: Floats
-    """(3s, 3s) [N/m], (0, 0) where it is as told before"""
-    parts: int = 1
-    """that the tools' way asks for, a power of 2"""
-
-    @classmethod
-    def of(cls, request: Advance, tools: Tools, parts: int = 1) -> StepInputs:
-        """What a request says, with the tools over the step, which is taken in so many parts at least."""
-        told = request.seam_force, request.seam_force_start, request.seam_target, request.seam_impedance
-        return cls(tools, *told, parts)
-
-    def part(self, number: int) -> StepInputs:
-        """What acts over one of the parts, whose seam the other side does not follow."""
-        first, last = number / self.parts, (number + 1) / self.parts
-        start, force = self.seam_force_start, self.seam_force
-        if len(start):
-            start, force = (start + share * (force - start) for share in (first, last))
-        return StepInputs(part_of(self.tools, first, last), force, start, self.seam_target[:0], self.seam_impedance)
-
-
-class StepResult(NamedTuple):
-    """What a step came to, beside the state at its end."""
-
-    status: int
-    """of `kernels.newton`; the rest is valid where it is CONVERGED"""
-    arrays: Result
-    """overwritten by the next step"""
-    substeps: substeps.Substeps
-    """what it took to get through"""
 
 
 class Stepper:
@@ -89,6 +51,8 @@ class Stepper:
         self._spec, self._n_tools = spec, n_tools
         self._parts: substeps.Substeps | None = None
         self._told = -1.0  # factor whose yield of the seam was last told
+        self._turn, self.given = NO_TURN, 0.0
+        """to a rotation in the last step, beyond the work of contact along the chords of ways [J]"""
         self.knows_impedance = False
         """whether the other side's stiffness at the seam was ever told"""
         self._take_up(model, parameters)
@@ -100,6 +64,7 @@ class Stepper:
         self.work = build_work(model, parameters, n_tools)
         self.scheme = build_scheme(spec, model, parameters, self.work, n_tools > 0)
         self._tolerance = spec.tolerance * parameters.edge
+        self._turning = free_to_turn(self.scheme.kind, model, parameters)
         # substeps alternate between two lengths, of which each keeps a factor of its own
         self._both = [self.work]
         self._spare: list[FemState] = []
@@ -131,6 +96,9 @@ class Stepper:
         if end is None:
             end = state.copy()
             end.x += dt * state.v
+        self.given, self._turn = 0.0, inputs.turn
+        if len(inputs.turn):
+            state = replace(state, v=with_change(inputs.turn, state.x, state.v))
         if inputs.parts > 1 and not self.by_error:
             status = self._take_parts(state, end, inputs, dt)
         else:
@@ -220,7 +188,7 @@ class Stepper:
         self.result.wrench[:] = 0.0
         self.result.out[:] = 0.0
         self.result.seam_x[:] = now.x[self._model.seam]
-        self._parts = None
+        self._parts, self.given = None, 0.0
         for work in self._both:
             work.memo[FACTORED] = 0.0
 
@@ -287,14 +255,46 @@ class Stepper:
         inputs.seam_force[:] = force
         if task == kernel.CORRECT:
             inputs.push[:] = push
+        turning = self._turns(now, dt, pace) if task == kernel.STEP else None
+        begun = now.arrays
+        if turning is not None and self.scheme.kind == IMPLICIT_EULER:
+            flies = np.array_equal(end.x, now.x + dt * now.v)
+            begun = begun._replace(v=turning.start(now.x, now.v))
+            if flies:
+                end.x[:] = now.x + dt * begun.v
         status: int = kernel.advance(
-            *(self.scheme, self._model, self._parameters, now.arrays, end.arrays),
+            *(self.scheme, self._model, self._parameters, begun, end.arrays),
             *(inputs, self._newton(most, careful), self.work, self.result, task),
         )
         if task == kernel.STEP:
             end.past = past if static else dt
+        if turning is not None and status == CONVERGED:
+            self._give_back(turning, end, tools)
         self._remember(status, task, end)
         return status
+
+    def _turns(self, now: FemState, dt: float, pace: float) -> Turning | None:
+        """What gives a rotation back in a step of dt [s]; None where it is too slow, or a part's step is cut."""
+        turning = self._turning
+        if turning is None or (len(self._model.seam) and (pace != 1.0 or not len(self._turn))):
+            return None
+        if len(self._model.seam):
+            turning.of_whole(self._turn, dt)
+            return turning
+        slowed = 1.0 + self.scheme.parameters[0] * self.scheme.drag * dt
+        return turning if turning.begins(now.x, now.v, dt, slowed) else None
+
+    def _give_back(self, turning: Turning, end: FemState, tools: Tools) -> None:
+        """Velocities, and what is told of them, at the end of a step in which the body turned."""
+        if len(self._model.seam):
+            turning.end_of_part(end.x, end.v)
+        else:
+            turning.end(end.x, end.v, self.result.wrench, tools.position_next)
+        out = self.result.out
+        force = end.contact[:, :, FORCE : FORCE + 3].sum(axis=1)
+        self.given += turning.given(force, point_positions(self._model, self._parameters, end.x))
+        out[kernel.KINETIC], out[kernel.MOMENTUM : kernel.MOMENTUM + 3] = turning.kinetic(end.v), turning.mass @ end.v
+        out[kernel.ANGULAR : kernel.ANGULAR + 3] = turning.angular(end.x, end.v)
 
     def _inputs_of(self, dt: float, tools: Tools, past: float, pace: float) -> Inputs:
         """With forces to be filled in; one record as long as nothing else changes, since making it takes its time."""
@@ -342,15 +342,15 @@ class Stepper:
         self._spare = self._spare or [now.copy() for _ in range(4)]
         report = substeps.advance(take, self.scheme, now, end, self._spare, length, self._bound)
         self.result.out[kernel.TOOL_WORK], self.result.out[kernel.N_ITERATIONS] = report.tool_work, report.iterations
-        self._parts = report
+        self._parts, self.given = report, 0.0  # of pieces that were rejected, too, it was
         return report.status
 
     def _insist(self, now: FemState, end: FemState, inputs: StepInputs, length: float) -> int:
         """What is left when the plain step failed: a careful one from `now`, then 2, 4 ... 32 parts."""
-        status = STALLED
+        status, given = STALLED, self.given
         for halvings in range(_MOST_HALVINGS + 1):
             pieces = 1 << halvings
-            begin = now.copy()
+            begin, self.given = now.copy(), given
             tool_work = seam_work = iterations = 0.0
             for piece in range(pieces):
                 tools = part_of(inputs.tools, piece / pieces, (piece + 1) / pieces)

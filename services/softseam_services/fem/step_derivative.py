@@ -27,6 +27,8 @@ from softseam_services.fem.kernels.step_derivative import (
 from softseam_services.fem.state import FemState
 from softseam_services.fem.structures import Tables
 from softseam_services.fem.tool_motion import at_rest
+from softseam_services.fem.turning import free_to_turn
+from softseam_services.fem.turning_derivative import TurningDerivative
 from softseam_services.fem.work import build_work
 from softseam_services.tools.tool_set import ToolSet
 
@@ -84,6 +86,9 @@ class StepDerivative:
         self._scheme, self._tables, self._dt, self._tolerance = scheme, tables, dt, tolerance
         self._work = build_work(*tables, len(tools.names))
         self._slopes = build_slopes(self._work)
+        turning = free_to_turn(scheme.kind, *tables)
+        self._turning = None if turning is None else TurningDerivative(turning, tables, dt)
+        self._turned = False  # whether the step that is looked at gave a rotation back
         self._tools = at_rest(tools)
         self._inputs = Inputs(dt, self._tools, np.zeros((0, 3)), dt, 1.0, NO_PUSH)
         self._unused = build_result(len(tables.model.cell_nodes), 0, len(tools.names), N_OUT)
@@ -104,7 +109,9 @@ class StepDerivative:
         tools = self._tools
         tools.position[:], tools.position_next[:] = passage.position, passage.position_next
         tools.orientation[:] = tools.orientation_next[:] = passage.orientation
-        self._step, self._passage = step, passage
+        begun = None if self._turning is None else self._turning.look(passage.now, passage.end)
+        self._turned = begun is not None
+        self._step, self._passage = step, passage if begun is None else passage._replace(now=begun)
         self._linearise(len(passage.augmented), self._wants_factor)
         if not self._finds_forces():
             raise NotSmooth(f"step {step} came to forces that are not found again: shorten `step`")
@@ -113,6 +120,8 @@ class StepDerivative:
 
     def pull(self, owed: Differential) -> None:
         """What is owed to the end of the step looked at becomes what is owed to its start, in place."""
+        if self._turned and self._turning is not None:
+            self._turning.end_back(owed)
         self._pull(owed)
         for number in reversed(range(len(self._passage.augmented))):
             # what the last solution owes to its multipliers, the one before it owes to the forces that it came to
@@ -125,9 +134,13 @@ class StepDerivative:
             self._pull(owed)
             for array, more in zip((owed.force, owed.anchor, owed.x, owed.v), kept, strict=True):
                 array += more
+        if self._turned and self._turning is not None:
+            self._turning.start_back(owed)
 
     def push(self, change: Differential) -> None:
         """A change of the start of the step looked at, and of inputs, becomes one of its end, in place."""
+        if self._turned and self._turning is not None:
+            self._turning.start_forward(change)
         n_augmented = len(self._passage.augmented)
         for number in range(n_augmented):
             kept = [change.force.copy(), change.anchor.copy(), change.x.copy(), change.v.copy()]
@@ -139,6 +152,8 @@ class StepDerivative:
         if n_augmented:
             self._linearise(n_augmented, False)
         self._push(change)
+        if self._turned and self._turning is not None:
+            self._turning.end_forward(change)
 
     def _pull(self, owed: Differential) -> None:
         begin_back(*self._tables, self._dt, self._count, owed, self._work, self._slopes)

@@ -15,13 +15,14 @@ from softseam_coupling.loops.loop import Loop, LoopSetup
 from softseam_coupling.mortar import SeamTie
 from softseam_protocol.scene.regions import SeamSpec
 from softseam_services.body.body import Body
+from softseam_services.orchestrator.body_turn import BodyTurn
 from softseam_services.orchestrator.sides import Sides, side_mass
 from softseam_services.orchestrator.subdivision import Subdivision
 
 Floats = NDArray[np.float64]
 
-_PACE = "pace"
-"""name of that entry among what a loop saves"""
+_PACE, _TURN = "pace", "turn"
+"""names of those entries among what a loop saves"""
 
 
 @dataclass(frozen=True)
@@ -30,15 +31,19 @@ class Coupling:
 
     loop: Loop
     pace: Subdivision = field(default_factory=Subdivision)
+    turn: BodyTurn = field(default_factory=BodyTurn)
+    """of the body that is in these parts"""
 
     def to_arrays(self) -> dict[str, Floats]:
         """Everything that evolves, for a snapshot."""
-        return {**self.loop.to_arrays(), _PACE: np.array(self.pace.to_list(), dtype=np.float64)}
+        pace = np.array(self.pace.to_list(), dtype=np.float64)
+        return {**self.loop.to_arrays(), _PACE: pace, _TURN: self.turn.to_array()}
 
     def take(self, arrays: Mapping[str, Floats]) -> None:
         """Continue from `to_arrays`. Raises KeyError or ValueError where these are of others."""
         self.pace.take(arrays[_PACE].tolist())
-        self.loop.take({name: array for name, array in arrays.items() if name != _PACE})
+        self.turn.take(arrays[_TURN])
+        self.loop.take({name: array for name, array in arrays.items() if name not in (_PACE, _TURN)})
 
 
 def couple(seam: SeamSpec, body: Body, sides: Sides, tie: SeamTie, first: Floats | None) -> Coupling:

@@ -59,7 +59,7 @@ class EnergyBalance:
 
     def book(self, sides: Sides, replies: Mapping[str, Advanced], solution: Outcome, drive_work: float) -> Entry:
         """A step was taken, in which the tools' motion put this in [J]."""
-        kinetic = strain = gravity = tool_work = seam_work = passing = penetration = 0.0
+        kinetic = strain = gravity = tool_work = seam_work = passing = given = penetration = 0.0
         momentum, angular = np.zeros(3), np.zeros(3)
         parts = {}
         for name, reply in replies.items():
@@ -69,6 +69,7 @@ class EnergyBalance:
             tool_work += reply.tool_work
             seam_work += reply.seam_work
             passing += reply.passing
+            given += reply.given
             momentum += reply.momentum
             angular += reply.angular_momentum
             penetration = max(penetration, reply.penetration)
@@ -97,7 +98,7 @@ class EnergyBalance:
         if self.ledger is None:
             self.ledger = self._book.open(energies, contact_loss)
         else:
-            entry = self._book.step(self.ledger, energies, tool_work, seam_work, 0.0, passing, contact_loss)
+            entry = self._book.step(self.ledger, energies, tool_work, seam_work, 0.0, passing, contact_loss, given)
             dissipation, switch = entry.dissipation, entry.switch
             self.raised = tuple(alarm for alarm in entry.alarms if alarm not in self._told)
             self._told.update(self.raised)

@@ -116,6 +116,9 @@ class Participants:
         self._kept = self._ahead = None
         sides, self._coupling = tied
         self.sides = sides
+        meshes = {name: self._mesh(sides, name) for name in sides.names}
+        if self._coupling is not None and state is not None:
+            self._coupling.turn.start(self._scene, meshes.values(), state, self._clock.dt)
         replies = self._transport.exchange(
             {
                 name: Configure(
@@ -127,7 +130,7 @@ class Participants:
                     state,
                     name == sides.near,
                     sides.body,
-                    self._mesh(sides, name),
+                    meshes[name],
                 )
                 for name in sides.names
             }
@@ -236,6 +239,10 @@ class Participants:
     def _advance(
         self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False, then: ToolMotion | None = None
     ) -> Outcome:
+        assert self._coupling is not None
+        turn, then = self._coupling.turn, then if self._coupling.turn.may_go_ahead(dt) else None
+        said = turn.said
+
         def ask(wanted: dict[str, PartRequest]) -> dict[str, Advanced]:
             self._n_asked += 1
             if self._ahead is not None:
@@ -244,7 +251,7 @@ class Participants:
             requests = {}
             for name, part in wanted.items():
                 last = fields and part.last and self._n_asked > 0  # it may well be
-                requests[name] = advance_request(self._header(name, self._n_asked), dt, motion, part, last)
+                requests[name] = advance_request(self._header(name, self._n_asked), dt, motion, part, last, said)
             return self._advanced(self._transport.exchange(requests))
 
         def correct(corrections: dict[str, Correction], first: First) -> dict[str, Advanced]:
@@ -263,9 +270,10 @@ class Participants:
                 self._ahead = StepAhead(then, after, {name: reply.then for name, reply in replies.items()})
             return replies
 
-        assert self._coupling is not None
         self._under_way = True
         solution = self._coupling.loop.solve(ask, correct, dt, may_cut)
+        gravity = np.array(self._scene.gravity)
+        solution = replace(solution, replies=turn.end(solution.replies, self.sides.models, motion, dt, gravity))
         self._asked = self._n_asked
         self._tick += 1
         self._n_asked, self._under_way = -1, False
@@ -344,11 +352,13 @@ class Participants:
     # ---- what they know
 
     def observe(self, indicators: bool = False, own: bool = False) -> dict[str, Fields]:
-        """Each side's fields, with its errors where asked for; of them only what its own model errs."""
+        """Each side's fields, with its errors where asked for; of them only what its own model errs. Velocities are
+        those that the next step begins with."""
         self._discard_failed()
         requests = {name: Observe(self._header(name), indicators, own) for name in self.sides.names}
         replies = self._transport.exchange(requests)
-        return {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
+        found = {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
+        return found if self._coupling is None else self._coupling.turn.seen(found)
 
     def snapshot(self) -> dict[str, bytes]:
         """Each side's state, which the transport keeps to recover a participant with."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from softseam_services.orchestrator.quantities import Quantities
 from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.saved_state import SavedBody
 from softseam_services.orchestrator.sides import resting_state
+from softseam_services.orchestrator.step_losses import StepLosses
 from softseam_services.orchestrator.step_warnings import StepWarnings, Tell
 from softseam_services.orchestrator.transport import Transport
 from softseam_services.orchestrator.whereabouts import LOOK_EVERY, Whereabouts, box_of
@@ -59,7 +61,7 @@ class SimulatedBody:
         gripped: bool = True,
     ) -> None:
         self.name, self.scene, self.body = name, setup.scene, setup.body
-        self._prefix, self._clock = prefix, clock
+        self._prefix, self._clock, self._tell = prefix, clock, tell
         self.balance = EnergyBalance(_standing(self.body))
         self.regions = Regions(name, bundle, setup, transport, clock, self.balance, tell)
         """its parts, as the rule cuts them"""
@@ -67,6 +69,7 @@ class SimulatedBody:
         """that hold the parts"""
         self.errors = ErrorEstimator(self.body, self.scene)
         self.warnings = StepWarnings(self.scene, tell)
+        self.losses = StepLosses(self.scene, self.body)
         self.whereabouts = Whereabouts(self.body, setup.tools, tell)
         self.pierced = Pierced(self.body, setup.tools, tell)
         self.creep = Creep(self.body, setup.tools, LOOK_EVERY * self.scene.step, tell)
@@ -83,6 +86,7 @@ class SimulatedBody:
         """Back to the start of the scene."""
         self._lift_base, self._slip, self._felt = 0.0, 0.0, False
         self.errors.reset()
+        self.losses.forget()
         self.balance.reset()
         self.whereabouts.start()
         self.creep.forget()
@@ -158,7 +162,15 @@ class SimulatedBody:
             fields = self.participants.observe(indicators=True, own=True)
             goal = self.regions.goal_error(fields, position, orientation)
             self.errors.look(self._clock.time, self.regions.sides, fields, goal)
-        return self.errors.estimate() if done else None
+        if done and (swings := self.losses.swings):
+            self._tell("accuracy", f"step {self._clock.step - 1}: {swings}")
+        estimate = self.errors.estimate() if done else None
+        return None if estimate is None else self._with_losses(estimate)
+
+    def _with_losses(self, estimate: ErrorEstimate) -> ErrorEstimate:
+        """With what steps damped, of which fields know nothing."""
+        said = self.losses.said or self.losses.swings
+        return replace(estimate, text=f"{estimate.text}; {said}") if said else estimate
 
     def estimate(self, position: Floats, orientation: Floats) -> ErrorEstimate | None:
         """How far the answer may be off as the body stands; None of particles."""
@@ -166,7 +178,7 @@ class SimulatedBody:
             return None
         fields = self.participants.observe(indicators=True, own=True)
         goal = self.regions.goal_error(fields, position, orientation)
-        return self.errors.now(self._clock.time, self.regions.sides, fields, goal)
+        return self._with_losses(self.errors.now(self._clock.time, self.regions.sides, fields, goal))
 
     def follow(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> Energies | None:
         """Let the cut follow its rule after a step; the energies after a switch."""
@@ -174,7 +186,12 @@ class SimulatedBody:
 
     def book(self, replies: Mapping[str, Advanced], solution: Outcome, drive_work: float) -> Entry:
         """Enter a step into the balance, with the cut that it was taken with, and what the tools' motion put in [J]."""
-        return self.balance.book(self.regions.sides, replies, solution, drive_work)
+        entry = self.balance.book(self.regions.sides, replies, solution, drive_work)
+        touches = any(bool(reply.wrench.any()) for reply in replies.values())
+        told = self.losses.follow(entry.energy, touches, drive_work)
+        if told:
+            self._tell("accuracy", f"step {self._clock.step - 1}: {told}")
+        return entry
 
     def _named(self, quantities: Mapping[str, float]) -> dict[str, float]:
         return {self._prefix + name: value for name, value in quantities.items()}

@@ -195,6 +195,7 @@ class Simulation:
             body.whereabouts.forget()
             body.creep.forget()
             body.pierced.forget()
+            body.losses.forget()
         self._report: StepReport | None = None
         self._frames: dict[str, Frame] | None = None
         self._unseen = False  # their fields were asked for, and lost

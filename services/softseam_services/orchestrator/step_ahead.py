@@ -10,11 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softseam_coupling.loops.loop import PartRequest
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Advance, Advanced, Reply, Request, ToolMotion
 
+_NOTHING = np.zeros(0)
 _NO_VECTORS, _AS_SENT = np.zeros((0, 3)), np.zeros((0, 0))
 
 
@@ -38,9 +40,19 @@ class StepAhead:
         return {name: self.asked[name] for name, reply in self.told.items() if reply is None}
 
 
-def advance_request(header: Header, dt: float, motion: ToolMotion, part: PartRequest, fields: bool = False) -> Advance:
-    """What a loop asks a part for, over a step of dt [s] with this motion of the tools, as a message."""
+def advance_request(
+    header: Header,
+    dt: float,
+    motion: ToolMotion,
+    part: PartRequest,
+    fields: bool = False,
+    turn: NDArray[np.float64] = _NOTHING,
+) -> Advance:
+    """What a loop asks a part for, over a step of dt [s] with this motion of the tools, as a message.
+
+    turn: of the whole body, see `Advance`
+    """
     target = _NO_VECTORS if part.target is None else part.target
     impedance = _AS_SENT if part.impedance is None else part.impedance
     start = _NO_VECTORS if part.start is None else part.start
-    return Advance(header, dt, part.force, motion, part.renew, target, impedance, fields, start, part.repeat)
+    return Advance(header, dt, part.force, motion, part.renew, target, impedance, fields, start, part.repeat, turn)

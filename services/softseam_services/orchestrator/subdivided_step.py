@@ -40,6 +40,7 @@ def sum_replies(parts: Sequence[Mapping[str, Advanced]]) -> dict[str, Advanced]:
             tool_work=sum(part[name].tool_work for part in parts),
             seam_work=sum(part[name].seam_work for part in parts),
             passing=sum(part[name].passing for part in parts),
+            given=sum(part[name].given for part in parts),
             iterations=sum(part[name].iterations for part in parts),
             seconds=sum(part[name].seconds for part in parts),
             penetration=max(part[name].penetration for part in parts),

@@ -11,6 +11,7 @@ from softseam_protocol.messages.participant import Advance, Advanced, BodyState,
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.body.kernels.bounds import bound_points
+from softseam_services.body.turning import sums_of
 from softseam_services.request_check import problem_of, problem_of_correction
 from softseam_services.tools.tool_set import ToolSet
 
@@ -25,7 +26,7 @@ from .model import PbdModel, build_model
 from .parameters import build_parameters
 from .points import hand_on
 from .state import decode_state, encode_state, new_state
-from .step import NO_FORCES, StepInputs, StepResult, StepScratch, leap_ahead, stay, step
+from .step import NO_FORCES, NO_TURN, StepInputs, StepResult, StepScratch, leap_ahead, stay, step
 
 
 class PbdSolver:
@@ -126,7 +127,7 @@ class PbdSolver:
         if refused:
             self._taken = stay(self.parameters, self._committed, self._scratch)
         else:
-            inputs = StepInputs(request.tools, request.seam_force, request.seam_force_start)
+            inputs = StepInputs(request.tools, request.seam_force, request.seam_force_start, request.turn)
             _, self._taken = step(self.model, self.parameters, self._committed, inputs, request.dt, self._scratch)
         self._tentative, self._to_plan = True, self._taken.to_plan
         compliance = np.zeros((0, 0))
@@ -170,6 +171,7 @@ class PbdSolver:
             correctable=self._correctable(),
             why=why,
             alarm_details=list(taken.notice),
+            sums=sums_of(self.parameters.mass, work.x, work.v) if len(self._region.seam) else NO_TURN,
         )
 
     def _compliance(self, request: Advance) -> Floats:

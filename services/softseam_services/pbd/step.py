@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.body import Floats
+from softseam_services.body.materials.point import LINEAR
+from softseam_services.body.turning import Turning, with_change
 from softseam_services.tools.face_points import PATCHES
 from softseam_services.totals import Totals
 
@@ -31,7 +33,7 @@ TOUCH = 1e-3
 """gap below which a handed-over point touches a tool, in block edges"""
 COLLAPSE_STEP = 1e-4
 """size, relative to rest, that a body without shape is given again"""
-NO_FORCES = np.zeros((0, 3))
+NO_FORCES, NO_TURN = np.zeros((0, 3)), np.zeros(0)
 
 
 class StepInputs(NamedTuple):
@@ -42,6 +44,8 @@ class StepInputs(NamedTuple):
     """at the end of the step (s, 3) [N]"""
     seam_force_start: Floats = NO_FORCES
     """and at its start, between which it is linear in time (s, 3); (0, 3) where it is constant"""
+    turn: Floats = NO_TURN
+    """of the whole body, where it is in several parts, as of `Advance`"""
 
 
 class StepResult(NamedTuple):
@@ -84,6 +88,7 @@ class StepScratch:
         self.planned = parameters.substeps(dt)
         """substeps of a step of dt, where nothing goes wrong"""
         self.arrays, self.leap = _room(model, parameters, self.planned)
+        self.turning = _free_to_turn(model, parameters)
 
     def fit(self, model: PbdModel, parameters: PbdParameters, dt: float) -> None:
         """Make ready for steps of dt [s] with these parameters."""
@@ -92,8 +97,17 @@ class StepScratch:
             self.planned = parameters.substeps(dt)
             if other:
                 self.arrays, self.leap = _room(model, parameters, self.planned)
+                self.turning = _free_to_turn(model, parameters)
             else:
                 self.arrays = self.arrays._replace(used=new_used(parameters.arrays, _most(self.planned)))
+
+
+def _free_to_turn(model: PbdModel, parameters: PbdParameters) -> Turning | None:
+    """What gives a rotation back; None of a region that is held or tied, whose law knows no turns, and of explicit
+    steps, which lose nothing."""
+    held = ((parameters.inverse_mass == 0.0) & (parameters.mass > 0.0)).any()
+    keeps = parameters.explicit or parameters.blocks.law == LINEAR
+    return None if held or keeps or len(model.seam) else Turning(parameters.mass)
 
 
 def _most(planned: int) -> int:
@@ -191,6 +205,8 @@ def attempt(
     np.copyto(work.buffer, state.buffer)
     if work.monitor[watch.STRETCH] < watch.COLLAPSED:
         work.x[:] += COLLAPSE_STEP * (parameters.x_rest - parameters.x_rest.mean(axis=0))
+    if len(inputs.turn):
+        work.v[:] = with_change(inputs.turn, state.x, state.v)
     n_substeps = scratch.planned * 2 ** (number + int(work.monitor[watch.HALVINGS]))
     if parameters.explicit:
         leap_ahead(model, parameters, dt, n_substeps, scratch)
@@ -212,6 +228,15 @@ def attempt(
         *(n_substeps * n_sweeps, advance_step, *arrays, work, scratch.inputs, scratch.arrays, scratch.outputs),
         *(dt, n_substeps, n_sweeps),
     )
+    turning, result = scratch.turning, scratch.outputs.result
+    alone = parameters.arrays.mass_rate == 0.0 and not scratch.outputs.wrench.any()
+    if (
+        number == 0
+        and turning is not None
+        and turning.end_of_substeps((state.x, state.v), work.x, work.v, dt, n_substeps, alone)
+    ):
+        result[k.KINETIC] = turning.kinetic(work.v)
+        result[k.ANGULAR : k.ANGULAR + 3] = turning.angular(work.x, work.v)
     return n_substeps, n_sweeps
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from softseam_protocol.messages.outcomes import Status
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.body import Floats
+from softseam_services.body.turning import Turning
 
 from .kernels import bending, distance, neo_hookean, strain, volume
 from .kernels import summary as k
@@ -77,14 +78,21 @@ class StepScratch:
         self.substeps = parameters.substeps(dt)
         """of a step of dt"""
         self.arrays = new_scratch(model.arrays, parameters.arrays, parameters.joined.most)
+        self.turning = _free_to_turn(parameters)
 
     def fit(self, model: ParticleModel, parameters: ParticleParameters, dt: float) -> None:
         """Make ready for steps of dt [s] with these parameters."""
         if parameters is not self.parameters or dt != self.dt:
             if parameters is not self.parameters:
                 self.arrays = new_scratch(model.arrays, parameters.arrays, parameters.joined.most)
+                self.turning = _free_to_turn(parameters)
             self.parameters, self.dt = parameters, dt
             self.substeps = parameters.substeps(dt)
+
+
+def _free_to_turn(parameters: ParticleParameters) -> Turning | None:
+    """What gives a rotation back; None of a body that is clamped."""
+    return None if (parameters.weight == 0.0).any() else Turning(parameters.body.mass)
 
 
 def step(
@@ -136,8 +144,12 @@ def advance(
     if parameters.body.solid is None:
         told.gripping[: len(inputs.gripping)] = inputs.gripping
     take_hold(numbers, work, told)
-    arrays = scratch.arrays
+    arrays, turning = scratch.arrays, scratch.turning
+    begun = (work.x.copy(), work.v.copy()) if turning is not None and (work.held < 0.0).all() else None
     count = advance_step(model.arrays, numbers, work, told, arrays, outputs, dt, n_substeps, parameters.spec.sweeps)
+    if turning is not None and begun is not None:
+        alone = numbers.drag == 0.0 and not outputs.wrench.any()
+        turning.end_of_substeps(begun, work.x, work.v, dt, n_substeps, alone)
     k.summarise(numbers, work, told, arrays.contacts, outputs, count)
 
 

@@ -1,0 +1,148 @@
+"""What steps lose of the rotation of a body in several parts, which is the body's and no part's.
+
+Each part tells sums over its nodes (body/kernels/turning.py). As a step begins, all learn those of the whole, by whose
+turn FEM predicts, and by what velocities are off after the step before: w_c about the centre and v_c, with which spin
+and momentum change by what acts from outside alone. Whether a body turns is seen a step late, for the step that follows
+may have begun with the correction of the one before (`step_ahead`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages.participant import Advanced, BodyState, Fields, PartMesh, ToolMotion
+from softseam_protocol.scene.bodies import BodySpec
+from softseam_protocol.scene.scene import Scene
+from softseam_services.body.kernels.turning import (
+    ANGULAR,
+    LEAST_TURN,
+    MASS,
+    MOTION,
+    N_SUMS,
+    PLACE,
+    SECOND,
+    rate_of,
+    spin_and_inverse,
+)
+from softseam_services.body.turning import sums_of, with_change
+
+Floats = NDArray[np.float64]
+
+_NOTHING = np.zeros(0)
+_N_CHANGE = 6
+
+
+class BodyTurn:
+    """Of one body in parts; sums that are NaN: it is not followed."""
+
+    def __init__(self) -> None:
+        self._sums, self._change = np.full(N_SUMS, np.nan), np.zeros(_N_CHANGE)
+        self._turns = False
+
+    def start(self, scene: Scene, meshes: Iterable[PartMesh | None], state: BodyState, dt: float) -> None:
+        """The parts begin with this state of the whole body, with steps of dt [s]."""
+        self.__init__()  # type: ignore[misc]
+        parts = list(meshes)
+        known = [part for part in parts if part is not None and not part.fixed.any()]
+        if len(known) < len(parts) or not _keeps_momentum(scene):
+            return
+        self._sums = np.zeros(N_SUMS)
+        for part in known:
+            self._sums += sums_of(part.mass, state.x[part.nodes], state.v[part.nodes])
+        self._turns = self._is_turning(dt)
+
+    def _is_turning(self, dt: float) -> bool:
+        return bool(np.isfinite(self._sums[MASS]) and dt * rate_of(self._sums) > LEAST_TURN)
+
+    @property
+    def said(self) -> Floats:
+        """What parts are told of it as a step begins, see `Advance.turn`."""
+        return np.concatenate([self._sums, self._change]) if self._turns or self._change.any() else _NOTHING
+
+    def may_go_ahead(self, dt: float) -> bool:
+        """Whether the step after the coming one is told nothing."""
+        return not (self._turns or self._is_turning(dt))
+
+    def end(
+        self, replies: Mapping[str, Advanced], models: Mapping[str, str], motion: ToolMotion, dt: float, gravity: Floats
+    ) -> dict[str, Advanced]:
+        """A step was taken: the replies, with momenta and energies as the next step makes them."""
+        turns, start = self._turns, self._sums
+        told = dict(replies)
+        self._turns, self._change = self._is_turning(dt), np.zeros(_N_CHANGE)
+        if not np.isfinite(start[MASS]) or not all(len(reply.sums) for reply in replies.values()):
+            self._sums, self._turns = np.full(N_SUMS, np.nan), False
+            return told
+        self._sums = np.sum([reply.sums for reply in replies.values()], axis=0)
+        if not turns:
+            return told
+        mass, end = start[MASS], self._sums
+        before, centre = start[PLACE:MOTION] / mass, end[PLACE:MOTION] / mass
+        push, torque = mass * gravity, np.zeros(3)
+        for name, reply in replies.items():
+            # FEM's forces act as a step ends, XPBD's over it
+            late = models[name] == "fem"
+            arm = motion.position_next - centre
+            if not late:
+                arm = 0.5 * (motion.position + motion.position_next) - 0.5 * (before + centre)
+            push = push - reply.wrench[:, :3].sum(axis=0)
+            torque -= (reply.wrench[:, 3:] + np.cross(arm, reply.wrench[:, :3])).sum(axis=0)
+        momentum = start[MOTION:ANGULAR] + dt * push
+        spin, _ = spin_and_inverse(start)
+        found, inverse = spin_and_inverse(end)
+        turn, shift = inverse @ (spin + dt * torque - found), (momentum - end[MOTION:ANGULAR]) / mass
+        self._change = np.concatenate([turn, shift])
+        self._sums = end.copy()
+        self._sums[MOTION:ANGULAR] = momentum
+        self._sums[ANGULAR:SECOND] = spin + dt * torque + np.cross(centre, momentum)
+        return {name: _changed(reply, centre, turn, shift) for name, reply in told.items()}
+
+    def seen(self, fields: dict[str, Fields]) -> dict[str, Fields]:
+        """The parts' fields, with velocities that the next step begins with."""
+        said = self.said
+        if not len(said):
+            return fields
+        return {name: replace(one, v=with_change(said, one.x, one.v)) for name, one in fields.items()}
+
+    def to_array(self) -> Floats:
+        """All of it, for a snapshot."""
+        return np.concatenate([self._sums, self._change, [float(self._turns)]])
+
+    def take(self, array: Floats) -> None:
+        """Continue from `to_array`. Raises ValueError where this is of something else."""
+        if array.shape != (N_SUMS + _N_CHANGE + 1,):
+            raise ValueError("it does not tell how the body turns")
+        self._sums, self._change, self._turns = array[:N_SUMS].copy(), array[N_SUMS:-1].copy(), bool(array[-1])
+
+
+def _keeps_momentum(scene: Scene) -> bool:
+    """Whether nothing but tools and gravity acts on the body, by steps that have no memory of velocities, and its laws
+    know turns."""
+    if isinstance(scene.body, BodySpec) and any(material.kind == "linear" for material in scene.body.materials):
+        return False
+    drag = scene.body.damping if isinstance(scene.body, BodySpec) else 0.0
+    return drag == 0.0 and scene.models.pbd.damping.mass == 0.0 and scene.models.fem.integrator == "implicit_euler"
+
+
+def _changed(reply: Advanced, centre: Floats, turn: Floats, shift: Floats) -> Advanced:
+    """The reply of a part whose nodes go by turn x (x - centre) + shift faster."""
+    sums = reply.sums
+    mass, place, motion = sums[MASS], sums[PLACE:MOTION], sums[MOTION:ANGULAR]
+    a, b, c, d, e, f = sums[SECOND:]
+    second = np.array([[a, f, e], [f, b, d], [e, d, c]])
+    offset = shift - np.cross(turn, centre)  # the field is turn x x + offset
+    inertia = np.trace(second) * np.eye(3) - second
+    by_field = np.cross(turn, place) + mass * offset
+    moment = inertia @ turn + np.cross(place, offset)
+    power = turn @ sums[ANGULAR:SECOND] + offset @ motion
+    again = 0.5 * (turn @ inertia @ turn + 2.0 * offset @ np.cross(turn, place) + mass * offset @ offset)
+    return replace(
+        reply,
+        kinetic=reply.kinetic + float(power + again),
+        momentum=reply.momentum + by_field,
+        angular_momentum=reply.angular_momentum + moment,
+    )

@@ -1,0 +1,94 @@
+"""What steps damp of a motion that nothing damps: of a bounce, and of swings that no tool touched.
+
+A body that comes with the kinetic energy K and touches tools that stand still loses of it what steps dissipate until it
+is free again, or at rest: where that is more than a twentieth of K, it comes back too slowly, and a shorter step
+changes that. It is told of bodies that come as fast as from a fall over a tenth of their length, not of those that are
+put down, and of none that are viscous or dragged, whose loss is their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from softseam_protocol.scene.bodies import BodySpec
+from softseam_protocol.scene.models import DampingSpec
+from softseam_protocol.scene.scene import Scene
+from softseam_services.body.body import Body
+from softseam_services.body.build import AnyBody
+
+LIMIT = 0.05
+"""of an energy that steps may damp unsaid [1]"""
+_FALL = 0.1
+"""of the body's length, over which it would fall to come so fast [1]"""
+_G = 9.81
+"""[m/s^2]"""
+_REST = 0.01
+"""of the energy that it came with, below which a body is at rest [1]"""
+
+
+class StepLosses:
+    """Of one body; what is said is about the run so far."""
+
+    def __init__(self, scene: Scene, body: AnyBody) -> None:
+        mass = body.total_mass if isinstance(body, Body) else float(body.mass.sum())
+        self._least = _FALL * _G * mass * float(np.ptp(body.x_rest, axis=0).max())
+        spec = scene.body
+        own = isinstance(spec, BodySpec) and any(material.retardation_time > 0.0 for material in spec.materials)
+        self._damped = own or spec.damping > 0.0 or scene.models.pbd.damping != DampingSpec()
+        self._static = scene.models.fem.integrator == "static"
+        self._pbd = not isinstance(body, Body) or scene.regions.default == "pbd"
+        self.forget()
+
+    def forget(self) -> None:
+        """The last step is another's."""
+        self._free, self._came, self._lost = 0.0, 0.0, 0.0
+        self._touched = self._touches = False
+        self._largest = self._taken = self._worst = 0.0
+        self.said = ""
+        """of the worst bounce, '' for none"""
+
+    def follow(self, energy: Mapping[str, float], touches: bool, drive_work: float) -> str:
+        """A step was taken, with this ledger [J], in which tools that touched the body, or none, put this in [J]; what
+        is to be told of a bounce that ended in it, '' for nothing."""
+        if self._damped or self._static:
+            return ""
+        kinetic, dissipation = energy["kinetic"], energy["dissipation"]
+        self._touched = self._touched or touches
+        self._taken += dissipation
+        self._largest = max(self._largest, kinetic + energy["strain"])
+        told = ""
+        if touches:
+            if not self._touches:
+                self._came, self._lost = self._free if self._free > self._least else 0.0, 0.0
+            self._lost += dissipation
+            if drive_work != 0.0:
+                self._came = 0.0
+        if self._came > 0.0 and (not touches or kinetic < _REST * self._came):
+            told, self._came = self._tell(self._lost / self._came), 0.0
+        if not touches:
+            self._free = kinetic
+        self._touches = touches
+        return told
+
+    def _tell(self, share: float) -> str:
+        if share <= max(LIMIT, self._worst):
+            return ""
+        first, self._worst = not self.said, share
+        self.said = f"steps took {100.0 * share:.0f} % of the energy with which it hit: it bounces too little"
+        return f"{self.said}; {self._advice}" if first else ""
+
+    @property
+    def swings(self) -> str:
+        """That steps took much of what no tool touched; '' where they did not."""
+        if self._touched or self._damped or self._static or self._taken <= LIMIT * self._largest:
+            return ""
+        share = 100.0 * self._taken / self._largest
+        return f"steps took {share:.0f} % of the most that moved or was strained, which no tool touched; {self._advice}"
+
+    @property
+    def _advice(self) -> str:
+        if self._pbd:
+            return "shorten the step, or take more models.pbd.substeps"
+        return "shorten the step, take regions: {default: pbd}, or models.fem: {integrator: midpoint, radius: 0.9}"
