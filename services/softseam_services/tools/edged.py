@@ -12,7 +12,7 @@ from softseam_services.shapes.branches import BOX, PLANE
 from softseam_services.tools.kernels import rotate_back
 from softseam_services.tools.tool_set import ToolSet
 
-ROUND = 0.15
+ROUND = 0.2
 """radius by which edges are rounded that press into a face, in edges of its cell: points lie a quarter of one apart,
 and a sharper edge lets go of them one row at a time (docs/decisions/19)"""
 MARGIN = 0.02
