@@ -73,10 +73,11 @@ class FemRun:
         seam: Callable[[Body, Ints], Ints] | None = None,
         state: BodyState | None = None,
         body: Body | None = None,
+        files: Mapping[str, bytes] | None = None,
     ) -> None:
         self.scene = scene
-        self.body = build_body(scene, {}) if body is None else body
-        self.tools = build_tools(scene)
+        self.body = build_body(scene, files or {}) if body is None else body
+        self.tools = build_tools(scene, files=files)
         own = np.arange(self.body.n_cells, dtype=np.int32) if cells is None else cells(self.body)
         nodes = np.zeros(0, dtype=np.int32) if seam is None else seam(self.body, own)
         self.region = build_region(self.body, own, nodes)

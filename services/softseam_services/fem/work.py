@@ -84,8 +84,6 @@ class Work(NamedTuple):
     """per pair: side of the box that the point faces, -1 where the tool's gap counts, SWEPT or EDGED"""
     plane: Floats
     """per pair: normal and distance of a plane in the tool's frame, where `side` says so (4,)"""
-    patch: Floats
-    """per pair: edges of the point's patch as the step begins, where `side` is EDGED (2, 3) [m]"""
     state: NDArray[np.int8]
     factored_state: NDArray[np.int8]
     """contact states that the factor holds (p, t)"""
@@ -189,7 +187,6 @@ def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work
         hold=np.zeros((n_pairs, 6)),
         side=np.zeros(n_pairs, dtype=np.int8),
         plane=np.zeros((n_pairs, 4)),
-        patch=np.zeros((n_pairs, 2, 3)),
         state=np.zeros(n_pairs, dtype=np.int8),
         factored_state=np.zeros((len(model.point_face), n_tools), dtype=np.int8),
         factored=np.zeros((len(model.point_face), n_tools, 3, 3)),

@@ -21,7 +21,6 @@ from softseam_services.fem.kernels.contact import (
 )
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, PLANE
-from softseam_services.tools.face_points import PATCHES
 from softseam_services.tools.kernels import (
     SLOW,
     rotate,
@@ -115,17 +114,6 @@ def faced_side(shape, position, orientation, point):
 
 
 @njit(cache=True, error_model="numpy")
-def _patch_edges(x, model, parameters, point, xp, edges):
-    """edges (2, 3) [m] <- those of the patch of a point inside a face, at xp (3,) where nodes are at x (n, 3)."""
-    number = (point - len(model.point_face)) % PATCHES**2  # these come last, and face by face
-    up, on = 1 - 2 * (number // PATCHES % 2), 1 - 2 * (number % 2)
-    point_position(x, model, parameters, point + PATCHES * up, edges[0])
-    point_position(x, model, parameters, point + on, edges[1])
-    for i in range(3):
-        edges[0, i], edges[1, i] = up * (edges[0, i] - xp[i]), on * (edges[1, i] - xp[i])
-
-
-@njit(cache=True, error_model="numpy")
 def find_holders(model, multiplier, n_nodes):
     """Which tool holds points that hang on a node (n,): `_NOBODY`, its number, or `SEVERAL`."""
     holder = np.full(n_nodes, _NOBODY, dtype=np.int16)
@@ -176,10 +164,9 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
             carry = 0.0 if face >= 0 or face == SPREAD else 1.0
             gap, edged = tool_gap(kind, shape, position, turn, xp)[0], False
             if face >= 0:
-                edged, near = tools.edged[tool], 0.5 * parameters.face_edge[face]
-                if edged and (gap < reach + near or touched or work.factored_state[point, tool] != OPEN):
-                    _patch_edges(x, model, parameters, point, xp, work.patch[count])
-                    gap -= near
+                edged = tools.edged[tool]
+                if edged:
+                    gap -= 0.5 * parameters.face_edge[face]  # no part of the patch is farther from its middle
                 sag = tools.bends[tool] * sag_under(tools.half_width[tool], 0.5 * parameters.face_edge[face])
             if gap < reach or touched or work.factored_state[point, tool] != OPEN:
                 if edged:

@@ -45,6 +45,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
+from softseam_services.tools.face_points import PATCHES
 from softseam_services.tools.kernels import bent, patch_press, plane_gap, press, side_gap, tool_gap
 
 OPEN, STICK, SLIP = 0, 1, 2
@@ -54,7 +55,7 @@ AT_NODE, ALONE, SPREAD = -1, -2, -3
 """in model.point_face: a node of a face that has points of its own; a point that touches every tool; and one of the
 many of an embedded surface, which touches every tool, too, and keeps a gap: body/contact_points.py"""
 SWEPT, EDGED = -2, -3
-"""in work.side: the point meets work.plane; its patch, whose edges are work.patch, is inside a tool with edges"""
+"""in work.side: the point meets work.plane; its patch is looked at in parts, for the tool has edges"""
 _STUCK = 0.999
 """of the bound: a multiplier below that did not slip"""
 # columns of work.contact
@@ -76,6 +77,18 @@ def point_position(x, model, parameters, point, out):
         out[2] += weight * x[node, 2]
 
 
+@njit(cache=True, error_model="numpy")
+def patch_edges(x, model, parameters, point, xp, edges):
+    """edges (2, 3) [m] <- those of the patch of a point inside a face, at xp (3,) where nodes are at x (n, 3): to its
+    neighbours on the face."""
+    number = (point - len(model.point_face)) % PATCHES**2  # these come last, and face by face
+    up, on = 1 - 2 * (number // PATCHES % 2), 1 - 2 * (number % 2)
+    point_position(x, model, parameters, point + PATCHES * up, edges[0])
+    point_position(x, model, parameters, point + on, edges[1])
+    for i in range(3):
+        edges[0, i], edges[1, i] = up * (edges[0, i] - xp[i]), on * (edges[1, i] - xp[i])
+
+
 @njit(cache=True, error_model="numpy", inline="always")
 def coefficient(parameters, point, tool):
     """mu of eq. (1) of a tool at a surface point [1]."""
@@ -88,7 +101,7 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
 
     Returns how many candidates touch whose stiffness the factor does not have.
     """
-    xp = np.empty(3)
+    xp, edges = np.empty(3), np.empty((2, 3))
     missing = turned = gone = 0
     for c in range(count):
         point, tool = work.pair[c, 0], work.pair[c, 1]
@@ -100,9 +113,10 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         if work.side[c] == SWEPT:
             gap, nx, ny, nz = plane_gap(work.plane[c], tools.position_next[tool], orientation, xp)
         elif work.side[c] == EDGED:
+            patch_edges(x, model, parameters, point, xp, edges)
             inside, slope, nx, ny, nz = patch_press(
                 *(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation),
-                *(xp, work.patch[c, 0], work.patch[c, 1], sag),
+                *(xp, edges[0], edges[1], sag),
             )
             gap = -inside / slope if inside > 0.0 else work.hold[c, 5]
         elif work.side[c] < 0:
