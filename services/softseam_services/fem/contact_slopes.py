@@ -21,6 +21,8 @@ class ContactSlopes(NamedTuple):
 
     place: Floats
     """by the point's place at the end of the step (q, 6, 3)"""
+    edges: Floats
+    """force by the two edges of the point's patch, where that is looked at in parts (q, 2, 3, 3)"""
     multiplier: Floats
     """by the force of the step before (q, 6, 3)"""
     since: Floats
@@ -54,6 +56,7 @@ def build_slopes(work: Work) -> ContactSlopes:
     q, (n, _), free = len(work.pair), work.x_hat.shape, len(work.r)
     return ContactSlopes(
         place=np.zeros((q, 6, 3)),
+        edges=np.zeros((q, 2, 3, 3)),
         multiplier=np.zeros((q, 6, 3)),
         since=np.zeros((q, 6, 3)),
         numbers=np.zeros((q, 6, 2)),

@@ -281,7 +281,9 @@ class FemSolver:
 
     def step_derivative(self, tools: ToolSet, dt: float, tolerance: float) -> StepDerivative:
         """Derivatives of steps of length dt [s] of the whole region; tolerance: of their linear equations, relative."""
-        return StepDerivative(self._stepper.scheme, self.tables.whole, tools, dt, tolerance)
+        return StepDerivative(
+            self._stepper.scheme, self.tables.whole, with_round_edges(tools, self._body), dt, tolerance
+        )
 
     @property
     def augmented(self) -> list[Augmentation]:

@@ -78,8 +78,8 @@ class Work(NamedTuple):
     multiplier: Floats
     contact: Floats
     hold: Floats
-    """per pair: stiffness [N/m], the part that is carried over, the gap that is left [m], the pace, s of
-    tools/kernels/patch.py [m], and the least gap that a patch may have [m]"""
+    """per pair: stiffness [N/m], the part that is carried over, the gap that is left [m], the pace, and s of
+    tools/kernels/patch.py [m]"""
     side: NDArray[np.int8]
     """per pair: side of the box that the point faces, -1 where the tool's gap counts, SWEPT or EDGED"""
     plane: Floats
@@ -184,7 +184,7 @@ def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work
         offset=np.zeros((n_pairs, 3)),
         multiplier=np.zeros((n_pairs, 3)),
         contact=np.zeros((n_pairs, N_COLUMNS)),
-        hold=np.zeros((n_pairs, 6)),
+        hold=np.zeros((n_pairs, 5)),
         side=np.zeros(n_pairs, dtype=np.int8),
         plane=np.zeros((n_pairs, 4)),
         state=np.zeros(n_pairs, dtype=np.int8),

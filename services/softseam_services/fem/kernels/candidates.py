@@ -206,7 +206,6 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                 work.hold[count, 2] = 0.0
                 work.hold[count, 3] = pace
                 work.hold[count, 4] = sag
-                work.hold[count, 5] = max(gap, 0.0)
                 if pace < 1.0:
                     position, turn = tools.position[tool], tools.orientation[tool]
                     if side < 0:

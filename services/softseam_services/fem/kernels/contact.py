@@ -78,15 +78,25 @@ def point_position(x, model, parameters, point, out):
 
 
 @njit(cache=True, error_model="numpy")
+def neighbour(model, point, which):
+    """The point beside one inside a face along the first or the second edge of its patch, and 1 or -1 for its side."""
+    number = (point - len(model.point_face)) % PATCHES**2  # these come last, and face by face
+    if which == 0:
+        sign = 1 - 2 * (number // PATCHES % 2)
+        return point + PATCHES * sign, sign
+    sign = 1 - 2 * (number % 2)
+    return point + sign, sign
+
+
+@njit(cache=True, error_model="numpy")
 def patch_edges(x, model, parameters, point, xp, edges):
     """edges (2, 3) [m] <- those of the patch of a point inside a face, at xp (3,) where nodes are at x (n, 3): to its
     neighbours on the face."""
-    number = (point - len(model.point_face)) % PATCHES**2  # these come last, and face by face
-    up, on = 1 - 2 * (number // PATCHES % 2), 1 - 2 * (number % 2)
-    point_position(x, model, parameters, point + PATCHES * up, edges[0])
-    point_position(x, model, parameters, point + on, edges[1])
-    for i in range(3):
-        edges[0, i], edges[1, i] = up * (edges[0, i] - xp[i]), on * (edges[1, i] - xp[i])
+    for which in range(2):
+        there, sign = neighbour(model, point, which)
+        point_position(x, model, parameters, there, edges[which])
+        for i in range(3):
+            edges[which, i] = sign * (edges[which, i] - xp[i])
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -118,7 +128,7 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
                 *(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation),
                 *(xp, edges[0], edges[1], sag),
             )
-            gap = -inside / slope if inside > 0.0 else work.hold[c, 5]
+            gap = -inside / slope
         elif work.side[c] < 0:
             gap, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation, xp)
         else:

@@ -21,6 +21,7 @@ import numpy as np
 
 from softseam_services.fem.kernels.candidates import SEVERAL, find_holders, firmness, meets
 from softseam_services.fem.kernels.contact import (
+    EDGED,
     GAP,
     NORMAL,
     OPEN,
@@ -30,11 +31,12 @@ from softseam_services.fem.kernels.contact import (
     SWEPT,
     TRIAL,
     coefficient,
+    patch_edges,
     point_position,
 )
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import CYLINDER, PLANE
-from softseam_services.tools.kernels import rotate, tool_gap
+from softseam_services.tools.kernels import patch_press, rotate, tool_gap
 
 BY_PENALTY, BY_FRICTION = 0, 1
 """columns of `numbers`"""
@@ -49,7 +51,7 @@ def differentiate_contacts(x0, v0, dt, x, contact, model, parameters, tools, cou
     x0, v0 (n, 3), contact (p, t, 9): at the start of the step.
     """
     inertia = 1.0 / (dt * dt)
-    xp, G, H = np.empty(3), np.zeros(3), np.zeros((3, 3))
+    xp, G, H, edges = np.empty(3), np.zeros(3), np.zeros((3, 3)), np.empty((2, 3))
     holder = find_holders(model, contact, len(x0))
     hardest = _hardest(count, len(tools.kind), work)
     for c in range(count):
@@ -67,7 +69,12 @@ def differentiate_contacts(x0, v0, dt, x, contact, model, parameters, tools, cou
         for i in range(3):
             touched = touched or contact[point, tool, i] != 0.0
         out.anchored[c] = alone and touched
-        _bend(c, xp, parameters.edge, tools, work, G, H)
+        out.edges[c] = 0.0
+        if work.side[c] == EDGED:
+            patch_edges(x, model, parameters, point, xp, edges)
+            _differentiate_patch(c, xp, edges, friction, parameters.edge, tools, work, G, H, out.edges[c])
+        else:
+            _bend(c, xp, parameters.edge, tools, work, G, H)
         _differentiate(c, xp, G, H, friction, work, out)
         out.met[c] = 0.0
         if work.side[c] == SWEPT:
@@ -126,6 +133,49 @@ def _bend(c, xp, edge, tools, work, G, H):
         H[0, j], H[1, j], H[2, j] = (fx - nx) / (2 * apart), (fy - ny) / (2 * apart), (fz - nz) / (2 * apart)
         if kind > CYLINDER:  # of a grid the normal is near the gap's slope, no more
             G[j] = (far - near) / (2 * apart)
+
+
+@njit(cache=True, error_model="numpy")
+def _differentiate_patch(c, xp, edges, friction, edge, tools, work, G, H, by_edges):
+    """`_bend` of a patch that is looked at in parts, and its force by its edges (2, 3, 3) [N/m], in place: central
+    differences of eq. (2) of tools/kernels/patch.py."""
+    row, tool, r, apart = work.contact[c], work.pair[c, 1], work.hold[c, 0], _APART * edge
+    kind, shape, sag = tools.kind[tool], tools.shape[tool], work.hold[c, 4]
+    position, turn = tools.position_next[tool], tools.orientation_next[tool]
+    q, e, dn, dt = np.empty(3), np.zeros(3), np.empty(3), np.empty(3)
+    across, slips = 0.0, work.state[c] == SLIP
+    for i in range(3):
+        q[i] = work.multiplier[c, i] - r * (xp[i] - work.begun[c, i] + work.offset[c, i])
+        across += q[i] * row[NORMAL + i]
+    squeeze = friction * row[PRESSURE] / row[TRIAL] if slips and row[TRIAL] > 0.0 else 1.0
+    if slips and row[TRIAL] > 0.0:
+        for i in range(3):
+            e[i] = (q[i] - across * row[NORMAL + i]) / row[TRIAL]
+    for which in range(3):
+        moved = xp if which == 2 else edges[which]
+        for j in range(3):
+            at = moved[j]
+            moved[j] = at + apart
+            far, _, fx, fy, fz = patch_press(kind, shape, position, turn, xp, edges[0], edges[1], sag)
+            moved[j] = at - apart
+            near, _, nx, ny, nz = patch_press(kind, shape, position, turn, xp, edges[0], edges[1], sag)
+            moved[j] = at
+            dp = r * (far - near) / (2.0 * apart)
+            dn[0], dn[1], dn[2] = (fx - nx) / (2.0 * apart), (fy - ny) / (2.0 * apart), (fz - nz) / (2.0 * apart)
+            if which == 2:
+                G[j] = -dp / row[SLOPE]
+                for i in range(3):
+                    H[i, j] = dn[i]
+                continue
+            turned = along = 0.0
+            for i in range(3):
+                along += q[i] * dn[i]
+            for i in range(3):
+                dt[i] = -row[NORMAL + i] * along - across * dn[i]
+                turned += e[i] * dt[i]
+            for i in range(3):
+                by_edges[which, i, j] = (row[NORMAL + i] + friction * e[i]) * dp + row[PRESSURE] * dn[i]
+                by_edges[which, i, j] += squeeze * (dt[i] - turned * e[i])
 
 
 @njit(cache=True, error_model="numpy")

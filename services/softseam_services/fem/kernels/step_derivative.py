@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.fem.kernels.anderson import add_scaled
-from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, SWEPT, TRACTION
+from softseam_services.fem.kernels.contact import EDGED, NORMAL, OPEN, PRESSURE, SWEPT, TRACTION, neighbour
 from softseam_services.fem.kernels.contact_derivative import BY_FRICTION, BY_PENALTY, differentiate_contacts
 from softseam_services.fem.kernels.dot import dot
 from softseam_services.fem.kernels.fronts import solve
@@ -55,11 +55,10 @@ def differentiate(model, parameters, now, end, tools, dt, count, work, slopes):
 
 
 @njit(cache=True, error_model="numpy")
-def _spread(c, vector, model, parameters, work, out):
-    """out (3 n_free,) += W^T vector of a candidate, in elimination order."""
-    point = work.pair[c, 0]
+def _spread_point(point, scale, vector, model, parameters, out):
+    """out += scale W^T vector of a point, at free nodes."""
     for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-        place, weight = 3 * model.point_place[entry], parameters.point_weight[entry]
+        place, weight = 3 * model.point_place[entry], scale * parameters.point_weight[entry]
         if place >= 0:
             out[place] += weight * vector[0]
             out[place + 1] += weight * vector[1]
@@ -67,16 +66,59 @@ def _spread(c, vector, model, parameters, work, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _collect(c, values, model, parameters, work, out):
-    """out (3,) <- W values of a candidate; values (3 n_free,)."""
-    point = work.pair[c, 0]
-    out[0] = out[1] = out[2] = 0.0
+def _collect_point(point, scale, values, model, parameters, out):
+    """out (3,) += scale W values of a point; values (3 n_free,)."""
     for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-        place, weight = 3 * model.point_place[entry], parameters.point_weight[entry]
+        place, weight = 3 * model.point_place[entry], scale * parameters.point_weight[entry]
         if place >= 0:
             out[0] += weight * values[place]
             out[1] += weight * values[place + 1]
             out[2] += weight * values[place + 2]
+
+
+@njit(cache=True, error_model="numpy")
+def _spread(c, vector, model, parameters, work, out):
+    """out += W^T vector of a candidate, at free nodes."""
+    _spread_point(work.pair[c, 0], 1.0, vector, model, parameters, out)
+
+
+@njit(cache=True, error_model="numpy")
+def _collect(c, values, model, parameters, work, out):
+    """out (3,) <- W values of a candidate; values (3 n_free,)."""
+    out[0] = out[1] = out[2] = 0.0
+    _collect_point(work.pair[c, 0], 1.0, values, model, parameters, out)
+
+
+@njit(cache=True, error_model="numpy")
+def _add_by_edges(c, values, model, parameters, work, slopes, force):
+    """force (3,) += what a change of the edges of a candidate's patch makes of it; values (3 n_free,)."""
+    if work.side[c] != EDGED:
+        return
+    point, change = work.pair[c, 0], np.empty(3)
+    for which in range(2):
+        there, sign = neighbour(model, point, which)
+        change[:] = 0.0
+        _collect_point(there, sign, values, model, parameters, change)
+        _collect_point(point, -sign, values, model, parameters, change)
+        for i in range(3):
+            for j in range(3):
+                force[i] += slopes.edges[c, which, i, j] * change[j]
+
+
+@njit(cache=True, error_model="numpy")
+def _spread_by_edges(c, scale, vector, model, parameters, work, slopes, out):
+    """out += the transpose of `_add_by_edges`, times scale and a vector (3,), at free nodes."""
+    if work.side[c] != EDGED:
+        return
+    point, back = work.pair[c, 0], np.empty(3)
+    for which in range(2):
+        there, sign = neighbour(model, point, which)
+        for j in range(3):
+            back[j] = 0.0
+            for i in range(3):
+                back[j] += scale * slopes.edges[c, which, i, j] * vector[i]
+        _spread_point(there, sign, back, model, parameters, out)
+        _spread_point(point, -sign, back, model, parameters, out)
 
 
 @njit(cache=True, error_model="numpy")
@@ -111,8 +153,10 @@ def _apply(transposed, x, inertia, model, parameters, count, v, work, slopes, ou
             _collect(c, v, model, parameters, work, moved)
             if transposed:
                 _times_transposed(slopes.place[c], 3, moved, force)
+                _spread_by_edges(c, -1.0, moved, model, parameters, work, slopes, out)
             else:
                 _times(slopes.place[c], 0, moved, force)
+                _add_by_edges(c, v, model, parameters, work, slopes, force)
             for i in range(3):
                 force[i] = -force[i]
             _spread(c, force, model, parameters, work, out)
@@ -166,6 +210,7 @@ def begin_back(model, parameters, dt, count, owed, work, slopes):
             seed[3 + i] = owed.anchor[point, tool, i]
         _times_transposed(slopes.place[c], 6, seed, back)
         _spread(c, back, model, parameters, work, right)
+        _spread_by_edges(c, 1.0, seed, model, parameters, work, slopes, right)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -272,6 +317,7 @@ def finish_forward(model, parameters, dt, count, change, work, slopes):
         point, tool, seed = work.pair[c, 0], work.pair[c, 1], slopes.seed[c]
         _collect(c, w, model, parameters, work, moved)
         _times(slopes.place[c], 0, moved, force)
+        _add_by_edges(c, w, model, parameters, work, slopes, force)
         _times(slopes.place[c], 3, moved, anchor)
         for i in range(3):
             change.force[point, tool, i] = seed[i] + force[i]

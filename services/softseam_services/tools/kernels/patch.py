@@ -77,8 +77,9 @@ def bent(kind, orientation, nx, ny, nz):
 def patch_press(kind, shape, position, orientation, point, u, v, sag):
     """Eq. (2) over r of the patch of middle (3,) and edges u, v (3,): F [m], its slope [1] and its direction.
 
-    F is 0 where the tool does not reach it; then the direction is that of the middle.
+    F is minus the least gap where the tool does not reach it; then the direction is that of the middle.
     """
+    least = np.inf
     fx = fy = fz = xx = xy = xz = yy = yz = zz = 0.0
     for i in range(PLACES):
         s = (2 * i + 1.0 - PLACES) / (2.0 * PLACES)
@@ -90,6 +91,7 @@ def patch_press(kind, shape, position, orientation, point, u, v, sag):
                 point[2] + s * u[2] + t * v[2],
             )
             gap, nx, ny, nz = tool_gap(kind, shape, position, orientation, at)
+            least = min(least, gap)
             if gap < 0.0:
                 f, k = -gap, 1.0
                 here = sag * bent(kind, orientation, nx, ny, nz)
@@ -101,7 +103,7 @@ def patch_press(kind, shape, position, orientation, point, u, v, sag):
     size = np.sqrt(fx * fx + fy * fy + fz * fz)
     if size == 0.0:
         _, nx, ny, nz = tool_gap(kind, shape, position, orientation, point)
-        return 0.0, 1.0, nx, ny, nz
+        return -max(least, 0.0), 1.0, nx, ny, nz
     nx, ny, nz = fx / size, fy / size, fz / size
     k = nx * (xx * nx + 2.0 * (xy * ny + xz * nz)) + ny * (yy * ny + 2.0 * yz * nz) + zz * nz * nz
     return size / PLACES**2, k / PLACES**2, nx, ny, nz
