@@ -114,6 +114,21 @@ def faced_side(shape, position, orientation, point):
 
 
 @njit(cache=True, error_model="numpy")
+def _passes(thin, dt, v, model, parameters, point, xp, tools, tool):
+    """Whether a point, at xp (3,) as the step begins, may go by more than half of a tool's half thickness [m], as the
+    tool sees it."""
+    ahead, away = np.empty(3), np.empty(3)
+    point_position(v, model, parameters, point, ahead)
+    for i in range(3):
+        away[i] = xp[i] - tools.position[tool, i]
+    _turn_along(tools, tool, away, away)
+    square = 0.0
+    for i in range(3):
+        square += (xp[i] + dt * ahead[i] - away[i] - tools.position_next[tool, i]) ** 2
+    return square > 0.25 * thin * thin
+
+
+@njit(cache=True, error_model="numpy")
 def find_holders(model, multiplier, n_nodes):
     """Which tool holds points that hang on a node (n,): `_NOBODY`, its number, or `SEVERAL`."""
     holder = np.full(n_nodes, _NOBODY, dtype=np.int16)
@@ -171,7 +186,10 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
             if gap < reach or touched or work.factored_state[point, tool] != OPEN:
                 if edged:
                     side = EDGED
-                if kind == BOX and (carry == 1.0 or min(shape[0], shape[1], shape[2]) < reach):
+                thin = min(shape[0], shape[1], shape[2]) if kind == BOX else np.inf
+                if kind == BOX and (
+                    carry == 1.0 or (thin < reach and _passes(thin, dt, v, model, parameters, point, xp, tools, tool))
+                ):
                     side = faced_side(shape, tools.position[tool], tools.orientation[tool], xp)
                     # what is pressed deep into a thin box stays on the side that presses it
                     inside = tool_gap(kind, shape, tools.position[tool], tools.orientation[tool], xp)[0] < 0.0
