@@ -190,7 +190,8 @@ class Recording:
         """Take note of a group; its steps. Raises Damage where it is not whole, and takes nothing of it."""
         if group.damage is not None:
             raise Damage(group.damage)
-        ours = self._profile in ("", "softseam") and self.metadata.get("schema", _SCHEMA) == _SCHEMA
+        named = bool(self.metadata) or self._profile in ("", "softseam")  # the head itself may be damaged
+        ours = named and self.metadata.get("schema", _SCHEMA) == _SCHEMA
         try:
             decoded = [codec.decode(each.data, _TYPES) for each in group.records if isinstance(each, Message) and ours]
         except ProtocolError as error:
