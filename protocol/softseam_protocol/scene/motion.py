@@ -14,6 +14,11 @@ LARGEST_TURN = 0.5
 """of a tool in one step [rad]"""
 
 
+def is_left_out(value: object) -> bool:
+    """Whether a key that came later is not said: a scene without it is then hashed as it was before."""
+    return value is None
+
+
 class Until(Spec):
     """When a closing phase ends; the first condition met ends it."""
 
@@ -34,7 +39,9 @@ class ClosePhase(Spec):
     tools: tuple[str, ...] = Field(min_length=2, description="two tools or more, by name")
     close: Positive = Field(description="speed of each tool [m/s]; with `force`, the highest")
     about: Vector | None = Field(
-        default=None, description="point that all approach [m]; default: the middle of their positions"
+        default=None,
+        exclude_if=is_left_out,
+        description="point that all approach [m]; default: the middle of their positions",
     )
     until: Until
     force: Positive | None = Field(
@@ -82,7 +89,9 @@ class MovePhase(Spec):
     )
     speed: Positive = Field(description="of the tool that goes farthest [m/s]")
     acceleration: Positive | None = Field(
-        default=None, description="most with which it speeds up and slows down, smoothly; default: at once [m/s^2]"
+        default=None,
+        exclude_if=is_left_out,
+        description="most with which it speeds up and slows down, smoothly; default: at once [m/s^2]",
     )
 
     @field_validator("tools")
@@ -126,7 +135,9 @@ class TurnPhase(Spec):
     turn: Vector = Field(description="axis times angle [rad]")
     speed: Positive = Field(description="angular speed [rad/s]")
     acceleration: Positive | None = Field(
-        default=None, description="most with which it speeds up and slows down, smoothly; default: at once [rad/s^2]"
+        default=None,
+        exclude_if=is_left_out,
+        description="most with which it speeds up and slows down, smoothly; default: at once [rad/s^2]",
     )
     about: Vector | None = Field(
         default=None, description="centre of the turn [m]; default: the middle of the tools' positions"

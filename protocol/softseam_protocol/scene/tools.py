@@ -104,7 +104,9 @@ class MeshTool(SolidTool):
     scale: MeshScale = Field(default_factory=usual_scale)
     up: MeshUp = Field(default_factory=usual_up)
     place: Literal["centre", "origin"] = Field(
-        default="centre", description="what of the file is at `position`, and stays there as `rotation` turns it"
+        default="centre",
+        exclude_if=lambda place: place == "centre",
+        description="what of the file is at `position`, and stays there as `rotation` turns it",
     )
     rotation: Rotation = Field(
         default=(0.0, 0.0, 0.0),
