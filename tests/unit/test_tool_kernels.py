@@ -13,6 +13,7 @@ from softseam_services.tools.motion import tool_motion
 from softseam_services.tools.tool_set import ToolSet
 
 HALF = np.array([0.5, 0.3, 0.2])
+SHARP = np.append(HALF, 0.0)
 
 
 def quaternion(seed: int) -> np.ndarray:
@@ -60,7 +61,7 @@ def test_box_distance_is_the_nearest_point_of_its_surface() -> None:
     for y in np.random.default_rng(3).uniform(-0.9, 0.9, size=(60, 3)):
         brute = np.linalg.norm(surface - y, axis=1).min()
         inside = (np.abs(y) < HALF).all()
-        gap, *normal = tool_gap(BOX, HALF, position, q, position + R @ y)
+        gap, *normal = tool_gap(BOX, SHARP, position, q, position + R @ y)
         assert abs(gap) <= brute + 1e-12
         assert abs(gap) >= brute - spacing / np.sqrt(2)
         assert (gap < 0) == inside
@@ -70,7 +71,7 @@ def test_box_distance_is_the_nearest_point_of_its_surface() -> None:
         assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-14)
 
 
-@pytest.mark.parametrize(("kind", "shape"), [(PLANE, [0.0, 0.6, 0.8]), (BOX, HALF), (SPHERE, [0.4, 0.0, 0.0])])
+@pytest.mark.parametrize(("kind", "shape"), [(PLANE, [0.0, 0.6, 0.8]), (BOX, SHARP), (SPHERE, [0.4, 0.0, 0.0])])
 def test_normal_is_the_gradient_of_the_gap(kind: int, shape: list[float]) -> None:
     position, q, h = np.array([0.2, 0.1, -0.3]), quaternion(7), 1e-6
     for point in np.random.default_rng(8).uniform(-1.0, 1.0, size=(30, 3)):
@@ -104,7 +105,7 @@ def test_cell_distance_is_the_least_over_nodes_and_near_tools() -> None:
     x = rng.uniform(-1, 1, size=(60, 3))
     cells = rng.permutation(54).reshape(2, 27).astype(np.int32)
     kind = np.array([PLANE, BOX, SPHERE], dtype=np.int64)
-    shape = np.array([[0, 0, 1.0], HALF, [0.1, 0, 0]])
+    shape = np.array([[0, 0, 1.0, 0], SHARP, [0.1, 0, 0, 0]])
     position = np.array([[0, 0, -5.0], [3.0, 0, 0], [0, 2.0, 0]])
     orientation = np.stack([quaternion(i) for i in range(3)])
     distance = np.empty(2)

@@ -50,7 +50,7 @@ def test_arrays_follow_the_scene() -> None:
     tools = build_tools(scene({"ground": GROUND, "b": box([0.1, 0, 0]), "s": ball([0, 0.2, 0])}))
     assert tools.names == ("ground", "b", "s")
     np.testing.assert_array_equal(tools.kind, [PLANE, BOX, SPHERE])
-    np.testing.assert_allclose(tools.shape, [[0.0, 0.0, 1.0], [0.01, 0.01, 0.01], [0.01, 0.0, 0.0]])
+    np.testing.assert_allclose(tools.shape, [[0, 0, 1.0, 0], [0.01, 0.01, 0.01, 0], [0.01, 0, 0, 0]])
     np.testing.assert_allclose(tools.friction, [0.5, 0.6, 0.0])
     np.testing.assert_allclose(tools.position, [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.2, 0.0]])
     np.testing.assert_array_equal(tools.orientation, [[1, 0, 0, 0]] * 3)
