@@ -28,11 +28,11 @@ def _gripped(draw: Draw, tool: str, motion: str) -> Case:
     axis = draw.random.choice(([1, 0, 0], [0, 1, 0], [0, 0, 1]))
     angle = draw.between(0.15, 0.5)
     way = [0.0, draw.between(0.005, 0.015), draw.between(-0.01, 0.01)]
-    then: Document = {
+    moves: dict[str, Document] = {
         "turn": {"turn": [angle * part for part in axis], "speed": draw.between(1.0, 4.0)},
         "lift": {"move": [0, 0, draw.between(0.008, 0.02)], "speed": speed},
         "move": {"move": way, "speed": speed},
-    }.get(motion, {})
+    }
     body = draw.body(late=draw.random.choice((0.0, 0.003, 0.003)))
     if motion == "force":
         size = draw.high - draw.low
@@ -40,8 +40,8 @@ def _gripped(draw: Draw, tool: str, motion: str) -> Case:
         phases = held(force, 0.3, 0.012)
     else:
         close = {"tools": both, "close": draw.between(0.02, 0.04), "until": {"compression": share}}
-        phases = [close, {"tools": both, **then}, {"hold": draw.between(0.03, 0.1)}]
-    gravity = DOWN if lifts else [0, 0, 0]
+        phases = [close, {"tools": both, **moves.get(motion, {})}, {"hold": draw.between(0.03, 0.1)}]
+    gravity = DOWN if lifts else [0.0, 0.0, 0.0]
     asked = ["grip_force", "slip", *(["lift_height"] if lifts else []), "von_mises_p99"]
     return scene(draw.told, body, tools, asked, motion=phases, gravity=gravity, slips=True, **draw.more)
 
