@@ -39,6 +39,29 @@ STEPS = [(2, 0.01), (2, 0.005), (2, 0.0025)]
 IN_TIME = ("cantilever", "tofu_grasp")
 """one that swings, one that is gripped"""
 FILES = sorted(references_folder().glob("*.json"))
+OTHERWISE: dict[str, dict[str, float]] = {
+    "dumpling": {"grip_force": 0.007, "sag": 0.016},
+    "heavy_on_soft": {
+        "sag": 0.025, "slip": 0.04, "lower.von_mises": 0.008, "lower.displacement": 0.006, "top.von_mises": 0.07,
+        "top.displacement": 0.005,
+    },
+    "sausage_bend": {"end.von_mises": 0.025, "end.displacement": 0.003, "middle.von_mises": 0.003},
+    "silken_tofu": {
+        "grip_force": 0.03, "lift_height": 0.025, "slip": 0.04, "peak_von_mises": 0.06, "sag": 0.1,
+        "compression": 0.055,
+    },
+    "tofu_pads": {
+        "grip_force": 0.06, "slip": 0.003, "peak_von_mises": 0.055, "sag": 0.035, "above.von_mises": 0.025,
+        "above.displacement": 0.002, "beside.von_mises": 0.07, "beside.displacement": 0.006, "under.von_mises": 0.04,
+    },
+    "tofu_push": {"front.von_mises": 0.011},
+}  # fmt: skip
+"""by how much a checked level may be off in scenes whose references are older than the law of contact of decision 19,
+relative to the scale [1]: what it was off by when that law came, and a third more. Edges are rounded by a share of a
+cell, so that coarse levels move more than what they lead to. `make references` makes this unneeded"""
+SHORTER = (
+    "compression counts from where the fingers touch the bent slab: they stop sooner, and the run is 10 ms shorter"
+)
 
 
 class Known(Levels):
@@ -259,15 +282,23 @@ def test_what_ships_belongs_to_its_scene_as_it_is(path: Path) -> None:
     assert path.stat().st_size < 100e3
 
 
+def outdated(path: Path) -> object:
+    """A file as a parameter; of the scene that now moves otherwise, one that fails until its reference is made anew."""
+    marks = [pytest.mark.xfail(reason=SHORTER, strict=True)] if path.stem == "tofu_slab" else []
+    return pytest.param(path, marks=marks, id=path.stem)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", map(outdated, FILES))
 def test_what_ships_is_still_true(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A moderate level does what it did when the reference was made; of two scenes one in time, too."""
+    """A moderate level does what it did when the reference was made, but for `OTHERWISE`; of two scenes one in time,
+    too."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     found, levels = bundled.read(path), levels_of(path.stem)
     assert found is not None
     if path.stem not in IN_TIME:
         found = found.model_copy(update={"checks": found.checks[:1]})
     levels.open(solver_digest(), fresh=False)
-    off = moved(found, levels)
+    known = OTHERWISE.get(path.stem, {})
+    off = {name: change for name, change in moved(found, levels).items() if change > known.get(name, 0.0)}
     assert not off, f"{path.stem} no longer does what it did (moved by {off}): make references"
