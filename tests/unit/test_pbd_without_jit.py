@@ -42,14 +42,15 @@ def test_one_cell_three_steps(kind: str, damping: dict[str, float]) -> None:
 
 
 def test_an_edge_between_points() -> None:
-    """One cell under a pad that covers a part of its faces: points count in part, and wrench and momentum balance."""
+    """One cell under a pad that covers a part of its top: patches count by the places that it presses, and wrench and
+    momentum balance."""
     pad = {"kind": "box", "size": (0.03, 0.036, 0.01), "position": (0.004, 0.0, 0.055), "friction": 0.5}
     run = PbdRun(block_scene(cell=0.05, tools={"pad": pad}, pbd={"substeps": 2}))
     run.velocity[:, 2] = -0.05
     before = run.step()
     reply = run.step()
-    edges = run.solver._scratch.arrays.contacts.shares
-    assert (edges.side[:, 0] >= 0).sum() == 9 and (edges.give[edges.side >= 0] > 0.0).all()
+    assert (run.work.force[:, 0, 2] < 0.0).sum() == reply.n_contacts == 10
+    assert run.solver._scratch.arrays.contacts.patch.any(axis=(1, 2)).sum() == 6 * 16
     assert reply.wrench[0, 2] > 0.1
     change = (reply.momentum - before.momentum) / run.scene.step
     np.testing.assert_allclose(change, -reply.wrench[0, :3], atol=1e-9)
