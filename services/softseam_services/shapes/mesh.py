@@ -141,7 +141,7 @@ def _curved_share(vertices: Floats, triangles: Ints) -> float:
     keys = np.round(np.concatenate([normal / SAME_PLANE, offset[:, None] / (SAME_PLANE * length)], axis=1))
     _, plane = np.unique(keys, axis=0, return_inverse=True)
     of_plane = np.bincount(plane.ravel(), size)
-    return float(of_plane[of_plane < PLANE * size.sum()].sum() / size.sum())
+    return float(of_plane[of_plane < PLANE * size.sum()].sum() / of_plane.sum())  # 1 exactly where nothing is flat
 
 
 def wall_of(vertices: Floats, triangles: Ints) -> float:
