@@ -51,16 +51,16 @@ def _fingers(draw: Draw, kind: str) -> Document:
     size, middle = draw.high - draw.low, 0.5 * (draw.low + draw.high)
     radius = draw.between(0.3, 0.7) * float(min(size[1:]))
     name = draw.random.choice(("sphere", "cylinder", "capsule")) if kind == "round" else "box"
-    shape: Document = {
+    shapes: dict[str, Document] = {
         "sphere": {"radius": radius},
         "cylinder": {"radius": radius, "length": 1.5 * float(size[1]), "axis": [0, 1, 0]},
         "capsule": {"radius": radius, "length": 0.6 * float(size[1]), "axis": [0, 1, 0]},
         "box": {"size": [0.01, draw.between(0.5, 1.3) * float(size[1]), draw.between(0.5, 1.3) * float(size[2])]},
-    }[name]
+    }
     reach, friction = (0.005 if name == "box" else radius) + 5e-4, draw.between(*draw.random.choice((ROUGH, SLICK)))
     y, z = (float(at + draw.between(-0.1, 0.1) * edge) for at, edge in zip(middle[1:], size[1:], strict=True))
     places = {"left": float(draw.low[0]) - reach, "right": float(draw.high[0]) + reach}
-    return {n: {"kind": name, **shape, "position": [x, y, z], "friction": friction} for n, x in places.items()}
+    return {n: {"kind": name, **shapes[name], "position": [x, y, z], "friction": friction} for n, x in places.items()}
 
 
 KINDS: dict[str, tuple[str, str]] = {
