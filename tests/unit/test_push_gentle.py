@@ -75,8 +75,9 @@ def test_each_part_of_a_push_pays(env: PushGentle) -> None:
 
 
 def test_who_goes_past_the_target_has_failed() -> None:
+    """Straight ahead, where the target is 6 mm aside."""
     env = PushGentle(reward=FULL, randomise=None, stress_limit=1e5)
-    total, info = push(env, lambda seen: [0.2, 0.6 if seen[1] < 0.4 else 0.0], 0)
+    total, info = push(env, lambda seen: [0.2, 0.0], 0)
     env.close()
     assert info["ending"] == "passed" and not info["is_success"] and info["distance"] >= BEYOND
     assert total < 1.0

@@ -137,7 +137,7 @@ def pinched_twice(near: dict[str, Any] | None, goal: str | None = None, model: s
     end by 6 %, the other one the other end by 12 %."""
 
     def finger(x: float, y: float) -> dict[str, Any]:
-        return {"kind": "box", "size": [0.025, 0.01, 0.015], "position": [x, y, 0.01], "friction": 0.8}
+        return {"kind": "box", "size": [0.015, 0.01, 0.01], "position": [x, y, 0.01], "friction": 0.8}
 
     fingers = {f"{name}{way}": finger(x, y) for name, x in (("a", -0.04), ("b", 0.04))
                for way, y in (("l", -0.0152), ("r", 0.0152))}  # fmt: skip
@@ -177,15 +177,18 @@ def follow(scene: Scene) -> tuple[float, np.ndarray, list[str]]:
 
 
 def test_cells_that_the_goal_asks_for_are_half_of_those_that_stress_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The other end, squeezed twice as much, does nothing to the first grip: only the goal's rule knows."""
+    """The other end, squeezed twice as much, does nothing to the first grip: only the goal's rule knows.
+
+    XPBD is 4.6 % off here: contact of small fingers is the same energy in both models.
+    """
     monkeypatch.setattr(regions, "SWITCH_LIMIT", 0.5)
     truth, _, _ = follow(pinched_twice(None, model="fem"))
     alone, _, _ = follow(pinched_twice(None))
-    force, places, why = follow(pinched_twice({"error": 0.05}, "grip_force"))
+    force, places, why = follow(pinched_twice({"error": 0.02}, "grip_force"))
     other, others, _ = follow(pinched_twice({"stress": 1.3e3}))
-    assert abs(alone / truth - 1.0) > 0.07
-    assert abs(force / truth - 1.0) < abs(other / truth - 1.0) < 0.06
-    assert 0 < len(places) <= 16 < 30 <= len(others) and places.max() < 5
+    assert abs(alone / truth - 1.0) > 0.04
+    assert abs(force / truth - 1.0) < abs(other / truth - 1.0) < 0.03
+    assert 0 < len(places) <= 20 < 30 <= len(others) and places.max() < 5
     assert why and all("by goal" in text for text in why)
 
 

@@ -71,13 +71,14 @@ def _same(one: list[StepReport], other: list[StepReport]) -> None:
 
 @pytest.mark.parametrize(
     ("name", "duration", "least"),
-    [("cantilever", 0.7, 0.95), ("tofu_grasp", 0.9, 0.25), ("tofu_slab", 0.4, 0.5)],
+    [("cantilever", 0.7, 0.95), ("tofu_grasp", 0.9, 0.25), ("tofu_slab", 0.8, 0.5)],
     ids=["beam", "grip", "slab"],
 )
 def test_the_bits_are_the_same_in_fewer_exchanges(name: str, duration: float, least: float) -> None:
     """Also where cells switch, phases end, fields are looked at and checkpoints are made meanwhile.
 
-    least: share of the steps that are begun ahead
+    least: share of the steps that are begun ahead; the slab rocks on the table for .3 s, by more than 1e-3 rad a step,
+    which no step is begun ahead of
     """
     plain, ahead = Counting(), Counting()
     scene = _scene(name, duration)

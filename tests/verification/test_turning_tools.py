@@ -60,7 +60,11 @@ def run(spec: Scene) -> tuple[Simulation, StepReport]:
 
 @MODELS
 def test_what_two_plates_grip_turns_with_them(model: str) -> None:
-    """30 degrees about the vertical between the plates: the block's best-fit rotation is that of the plates."""
+    """30 degrees about the vertical between the plates: the block's best-fit rotation is that of the plates.
+
+    The plates end where the block does. By XPBD it lags by .8 % of any turn then, at any speed and friction (without
+    edges at the block's by .01 %), and FEM by less.
+    """
     plate = {"kind": "box", "size": [0.01, 0.03, 0.03], "friction": 0.9}
     tools = {
         "left": {**plate, "position": [-0.0201, 0, 0.015]},
@@ -77,7 +81,8 @@ def test_what_two_plates_grip_turns_with_them(model: str) -> None:
     a, b = rest - rest.mean(axis=0), x - x.mean(axis=0)
     u, _, vt = np.linalg.svd(a.T @ b)
     rotation = (u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt).T
-    assert np.arctan2(rotation[1, 0], rotation[0, 0]) == pytest.approx(angle, abs=np.radians(0.2))
+    lag = np.radians({"fem": 0.2, "pbd": 0.3}[model])
+    assert np.arctan2(rotation[1, 0], rotation[0, 0]) == pytest.approx(angle, abs=lag)
     assert rotation[2, 2] == pytest.approx(1.0, abs=1e-3)
     q = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
     np.testing.assert_allclose(report.tool_orientation, [q, q], atol=1e-12)
