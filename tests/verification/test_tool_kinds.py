@@ -65,7 +65,7 @@ def pressed(model: str, tool: str, depth: float = 0.001) -> tuple[float, float]:
     ("tool", "same", "within"),
     [
         ("mesh ball", "sphere", 0.02),
-        ("capsule", "cylinder", 1e-6),
+        ("capsule", "cylinder", 0.05),
         ("mesh plate", "box", 1e-6),
         ("stood cylinder", "box", 1e-6),
         ("turned box", "box", 1e-6),
@@ -74,12 +74,13 @@ def pressed(model: str, tool: str, depth: float = 0.001) -> tuple[float, float]:
 def test_tools_of_one_shape_press_alike(model: str, tool: str, same: str, within: float) -> None:
     """A faceted ball is a ball; a capsule and a cylinder that lie across the block; flat tools, also larger ones.
 
-    Tools that are no boxes sink in by a hundredth of the squeeze.
+    Tools that are no boxes sink in by a hundredth of the squeeze. A cylinder has edges, so that it sees a patch in
+    3 x 3 places and a capsule in its middle: 2.2 % apart by FEM, 3.5 by XPBD.
     """
     force, torque = pressed(model, tool)
     expected, _ = pressed(model, same)
     if tool in ("mesh plate", "stood cylinder"):
-        within = 0.02
+        within = 0.03  # a mesh's narrow sides count as curved: 2.5 % too soft by XPBD, 1.8 by FEM
     assert force > 0.01
     assert force == pytest.approx(expected, rel=within)
     assert torque < 0.01 * force * 0.02
