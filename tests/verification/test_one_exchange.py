@@ -18,6 +18,7 @@ from softseam_protocol.messages.participant import (
     Advanced,
     Configured,
     Fields,
+    Observe,
     Released,
     Reply,
     Request,
@@ -45,7 +46,8 @@ class Counting(EmbeddedTransport):
         try:
             return super().exchange(requests)
         finally:
-            self.seconds += perf_counter() - began
+            if not any(isinstance(request, Observe) for request in requests.values()):
+                self.seconds += perf_counter() - began  # a look as a phase ends comes after the step that is told of
 
 
 def run(name: str, *settings: str, frames: bool = False) -> list[StepReport]:
