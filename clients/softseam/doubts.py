@@ -167,7 +167,7 @@ def _thin_tools(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
         return []
     named = ", ".join(f"{name} ({1e3 * width:.3g} mm)" for name, width in widths.items())
     return [
-        f"body.cell: round tools are felt at points {1e3 * spacing:.3g} mm apart, between which these pass when "
+        f"body.cell: tools are felt at points {1e3 * spacing:.3g} mm apart, between which these pass when "
         f"pressed in by about their width: {named}. Make cells {PATCHES * min(widths.values()) / _PARTS:.2g} m long"
     ]
 
@@ -209,13 +209,16 @@ def _is_round(tool: ToolSpec, middle: NDArray[np.float64]) -> bool:
 def _felt_at_points(scene: Scene, body: Body, tools: ToolSet) -> Iterator[tuple[str, float]]:
     """Tools that press inside faces of cells, and how wide each is: the middle one of its three extents [m].
 
-    Planes are not narrow, and boxes are looked at by their edges.
+    Planes are not narrow, and nodes feel boxes that cover the body; of others the narrower side of the face counts.
     """
     from softseam_services.body.outer_faces import is_covered_by_faces
+    from softseam_services.tools.edged import edged_tools, face_width
 
-    shares = is_covered_by_faces(body)
-    for name, half_width in zip(tools.names, tools.half_width, strict=True):
-        if np.isfinite(half_width) and not (shares and scene.tools[name].kind == "box"):
+    edged = edged_tools(tools, body)
+    for number, (name, half_width) in enumerate(zip(tools.names, tools.half_width, strict=True)):
+        if edged[number]:
+            yield name, face_width(tools, number, body)
+        elif np.isfinite(half_width) and not (is_covered_by_faces(body) and scene.tools[name].kind == "box"):
             yield name, 2.0 * float(half_width)
 
 

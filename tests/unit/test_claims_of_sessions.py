@@ -65,11 +65,10 @@ def test_a_session_that_is_stepped_by_hand_claims(block: str) -> None:
 
 def test_what_is_known_well_is_no_event() -> None:
     """And neither is stress, which is told of in the energy norm, nor what nobody asks for; what is not settled is."""
-    good, bad = (
-        {"absolute": 0.01, "share": 0.01, "why": ""},
-        {"absolute": None, "share": None, "why": "not settled: so"},
-    )
-    large, creeps = {"absolute": 0.4, "share": 0.4, "why": ""}, bad | {"why": "creeps: it does"}
+    good: dict[str, Any] = {"absolute": 0.01, "share": 0.01, "why": ""}
+    bad: dict[str, Any] = {"absolute": None, "share": None, "why": "not settled: so"}
+    large: dict[str, Any] = {"absolute": 0.4, "share": 0.4, "why": ""}
+    creeps = bad | {"why": "creeps: it does"}
     cases = {
         "grip_force": (good, large, "N", True),
         "sag": (good, good, "m", True),

@@ -13,6 +13,7 @@ import softseam
 from softseam.errors import SceneRefused
 from softseam.scenes import bundle_of, bundle_with
 from softseam.variants import with_settings
+from softseam_protocol.scene.bodies import BodySpec, MeshShape
 from softseam_protocol.scene.scene import Scene
 from softseam_services.server import build_setup
 from softseam_services.tools.errors import ToolError
@@ -94,17 +95,23 @@ def test_a_scene_made_in_code_reads_from_the_working_folder(scene: Path) -> None
         assert set(sim.bundle.files) == {"tall.obj", "cube.dae"}
 
 
+def mesh_of(scene: Scene) -> MeshShape:
+    assert isinstance(scene.body, BodySpec) and isinstance(scene.body.shape, MeshShape)
+    return scene.body.shape
+
+
 def test_unit_and_axis_are_those_of_the_file_that_a_setting_names(scene: Path) -> None:
     """Where the scene gives none: of an OBJ they are 1 and z, of a COLLADA file what it tells."""
     found = with_settings(bundle_of(scene)[0], ["body.shape.path=cube.dae"])
-    assert found.body.shape.scale is None and found.body.shape.up is None
+    shape = mesh_of(found)
+    assert shape.scale is None and shape.up is None
     again = with_settings(with_settings(bundle_of(scene)[0], ["step=0.005"]), ["body.shape.path=cube.dae"])
-    assert again.body.shape == found.body.shape
+    assert mesh_of(again) == shape
     for settings in (
         ["body.shape.path=cube.dae", "body.shape.scale=0.5"],
         ["body.shape.scale=0.5", "body.shape.path=cube.dae"],
     ):
-        assert with_settings(bundle_of(scene)[0], settings).body.shape.scale == 0.5
+        assert mesh_of(with_settings(bundle_of(scene)[0], settings)).scale == 0.5
 
 
 def test_a_finger_in_another_unit_is_named_with_the_scale_that_would_do(scene: Path) -> None:

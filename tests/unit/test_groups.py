@@ -97,7 +97,7 @@ def test_they_close_about_a_point() -> None:
 
 
 def test_each_moves_by_its_own_vector_and_all_arrive_together() -> None:
-    ways = {"a": [0.01, 0, 0.02], "b": [0, 0, 0], "c": [0, -0.005, 0]}
+    ways: dict[str, list[float]] = {"a": [0.01, 0, 0.02], "b": [0, 0, 0], "c": [0, -0.005, 0]}
     reports = run([{"move": ways, "speed": 0.1}, {"hold": STEP}])
     start = np.array(around(3, 0.0365))
     np.testing.assert_allclose(reports[-1].tool_position - start, list(ways.values()), atol=1e-12)

@@ -114,7 +114,7 @@ def test_polygons_with_dents_are_cut_into_ears() -> None:
     radius = np.where(np.arange(10) % 2, 0.4, 1.0)
     points = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(10)], axis=1)
     for first in range(10):
-        found = [tuple(row) for row in triangulate(points, np.roll(np.arange(10), first)).tolist()]
+        found = [tuple(row) for row in triangulate(points, np.roll(np.arange(10), first).tolist()).tolist()]
         assert len(found) == 8
         assert all(area(points, [triangle]) > 0.0 for triangle in found)
         assert area(points, found) == pytest.approx(5.0 * 0.4 * np.sin(np.pi / 5.0))

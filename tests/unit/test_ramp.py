@@ -37,8 +37,8 @@ def test_without_an_acceleration_the_speed_is_even() -> None:
     assert ramp.time == pytest.approx(3.0) and ramp.gone(0.5) == pytest.approx(0.05)
 
 
-MOVE = {"tools": ["left", "right"], "move": [0.0, 0.01, 0.03], "speed": 0.07, "acceleration": 0.3}
-TURN = {"tools": ["left", "right"], "turn": [0.0, 0.0, 0.3], "speed": 1.1, "acceleration": 5.0}
+MOVE: dict[str, Any] = {"tools": ["left", "right"], "move": [0.0, 0.01, 0.03], "speed": 0.07, "acceleration": 0.3}
+TURN: dict[str, Any] = {"tools": ["left", "right"], "turn": [0.0, 0.0, 0.3], "speed": 1.1, "acceleration": 5.0}
 
 
 @pytest.mark.parametrize("step", [0.004, 0.03, 0.2])

@@ -109,7 +109,7 @@ def test_levels_that_went_no_farther_than_what_has_to_be_known_are_known(
     levels = Known(frame(), 1e-4, share * NEAR * 0.05)  # the last four levels halve h, or nearly
     found = refine(levels, 30.0, told, target=target)
     assert found.truth["sag"].has_limit and not found.truth["sag"].left_out
-    truth, parts = (dict(each) for each in (found.truth, found.parts))
+    truth, parts = dict(found.truth), dict(found.parts)
     truth["core.von_mises"], parts["core.von_mises"] = truth.pop("sag"), parts.pop("sag")
     stress = counted(replace(found, truth=truth, parts=parts), truth).truth["core.von_mises"]
     assert stress.has_limit is counts and (not stress.left_out) is counts

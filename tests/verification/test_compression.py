@@ -83,7 +83,7 @@ def run(of: Scene, files: dict[str, bytes] | None = None, told: list[str] | None
     return reports
 
 
-CLOSE = {"tools": ["left", "right"], "close": 0.02, "until": {"compression": SQUEEZE}}
+CLOSE: dict[str, Any] = {"tools": ["left", "right"], "close": 0.02, "until": {"compression": SQUEEZE}}
 
 
 @pytest.mark.parametrize("pair", PAIRS)
@@ -115,11 +115,10 @@ def test_it_is_of_the_width_between_the_places_where_the_tools_touch() -> None:
 @pytest.mark.parametrize("pair", PAIRS)
 def test_it_knows_no_cells(pair: str) -> None:
     """The tools end where they do on any cells, in both models, wherever phases end within steps."""
-    made = [{"cell": 0.02}, {"cell": 0.01}, {"cell": 0.04, "model": "pbd"}]
     ends = []
-    for how in made:
+    for cell, model in ((0.02, "fem"), (0.01, "fem"), (0.04, "pbd")):
         changed = scene(PAIRS[pair], [CLOSE]).model_dump()
-        changed["body"]["cell"], changed["regions"]["default"] = how["cell"], how.get("model", "fem")
+        changed["body"]["cell"], changed["regions"]["default"] = cell, model
         ends.append(run(Scene.model_validate(changed))[-1].tool_position)
     for end in ends[1:]:
         np.testing.assert_allclose(end, ends[0], atol=2e-6)
@@ -186,8 +185,9 @@ def test_a_body_that_turns_instead_is_told_of() -> None:
 def test_by_hand_it_counts_from_where_the_tools_came_to_the_body() -> None:
     """Balls that would touch the upper edges 1.5 mm later go down beside the faces first, and close as in a scene that
     begins there."""
-    balls = [{"kind": "sphere", "radius": 0.009, "position": [x, 0.0, z]} for x, z in ((-0.034, 0.045), (0.034, 0.045))]
-    lower = [{**ball, "position": [ball["position"][0], 0.0, 0.035]} for ball in balls]
+    balls, lower = (
+        [{"kind": "sphere", "radius": 0.009, "position": [x, 0.0, z]} for x in (-0.034, 0.034)] for z in (0.045, 0.035)
+    )
     told = []
     for tools, down in ((balls, 10), (lower, 0)):
         simulation = Simulation(bundle_scene(scene(tools, [CLOSE])), EmbeddedTransport())

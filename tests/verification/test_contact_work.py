@@ -45,10 +45,9 @@ def below(kind: str, turn: np.ndarray) -> float:
         return float(np.abs(turn[2]) @ np.array(SIZE) / 2.0)
     if kind == "plate":
         return 0.01
-    across = float(np.sqrt(max(0.0, 1.0 - turn[2, 2] ** 2)))
-    return {"sphere": 0.01, "capsule": 0.006 + 0.015 * abs(turn[2, 2])}.get(
-        kind, 0.008 * across + 0.01 * abs(turn[2, 2])
-    )
+    along = abs(float(turn[2, 2]))
+    across = float(np.sqrt(max(0.0, 1.0 - along**2)))
+    return {"sphere": 0.01, "capsule": 0.006 + 0.015 * along}.get(kind, 0.008 * across + 0.01 * along)
 
 
 def scene(kind: str, rotation: np.ndarray, aside: float, model: str) -> Scene:

@@ -164,7 +164,8 @@ def _sweep(sim: Session, loss: Loss, commands: Commands) -> tuple[Any, FemSolver
 @pytest.mark.parametrize("case", ["sticking", "sliding", "uneven", "at edges", "round", "turning"])
 def test_backward_is_the_transpose_of_forward(case: str) -> None:
     """<a, D b> = <D^T a, b> of each step, for random a and b: to what GMRES leaves, in steps solved again, too."""
-    commands = {"round": PRESS, "turning": [{}] * 20}.get(case, squeeze(30, 0.03, 22))
+    chosen: dict[str, Commands] = {"round": PRESS, "turning": [{}] * 20}
+    commands = chosen.get(case, squeeze(30, 0.03, 22))
     random, augmented = np.random.default_rng(3), 0
     fields = ("x", "v", "force", "anchor", "tool_start", "tool_end", "friction", "young")
     with softseam.open(_scene(case)) as sim:

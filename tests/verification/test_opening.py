@@ -15,7 +15,7 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
 STEP, FINGERS = 0.01, ["left", "right"]
-HOLD = {"tools": FINGERS, "close": 0.02, "force": 1.0, "until": {"force": 0.9, "time": 1.0}}
+HOLD: dict[str, Any] = {"tools": FINGERS, "close": 0.02, "force": 1.0, "until": {"force": 0.9, "time": 1.0}}
 
 
 def run(motion: list[dict[str, Any]], model: str = "fem", **finger: Any) -> tuple[list[StepReport], list[str]]:
@@ -62,7 +62,7 @@ def gone(reports: list[StepReport], phase: int) -> np.ndarray:
 
 @pytest.mark.parametrize("model", ["fem", "pbd"])
 def test_a_finger_that_is_moved_off_lets_go_and_the_other_stays(model: str) -> None:
-    off = {"tools": ["left"], "move": [-0.0123, 0, 0], "speed": 0.05}
+    off: dict[str, Any] = {"tools": ["left"], "move": [-0.0123, 0, 0], "speed": 0.05}
     reports, told = run([HOLD, {"hold": 0.1}, off, {"hold": 0.1}], model)
     assert ends(reports, 1).quantities["grip_force"] == pytest.approx(1.0, rel=0.05)
     np.testing.assert_allclose(gone(reports, 2), [-0.0123, 0.0], atol=1e-9)
@@ -90,7 +90,7 @@ def test_what_was_opened_can_be_closed_and_held_again() -> None:
 
 def test_a_hold_goes_on_while_both_or_others_move() -> None:
     """Aside, across, in a turn about their middle, and while the ground goes down."""
-    moves = [
+    moves: list[dict[str, Any]] = [
         {"tools": FINGERS, "move": [0, 0, 0.01], "speed": 0.05},
         {"tools": FINGERS, "move": [0.02, 0, 0], "speed": 0.05},
         {"tools": FINGERS, "turn": [0, 0, 0.3], "speed": 1.0},

@@ -44,9 +44,22 @@ def with_round_edges(tools: ToolSet, body: Body) -> ToolSet:
     return tools.rounded(radius)
 
 
+def face_width(tools: ToolSet, tool: int, body: Body) -> float:
+    """How wide the tool's face is that looks at the body at time 0, where it is narrowest [m]."""
+    facing, _, half = _seen(tools, tool, body)
+    return 2.0 * float(np.delete(half, facing).min())
+
+
 def _bared(tools: ToolSet, tool: int, body: Body) -> float:
     """How far the body stands out beyond the edges of the tool's face that looks at it at time 0 [m]; less than 0 where
     the face covers it."""
+    facing, out, half = _seen(tools, tool, body)
+    return float(np.delete(out - half, facing).max())
+
+
+def _seen(tools: ToolSet, tool: int, body: Body) -> tuple[int, NDArray[np.float64], NDArray[np.float64]]:
+    """The axis of the tool along which the body is at time 0, how far the body reaches along each (3,) [m], and the
+    tool's half extents (3,) [m]."""
     turn, shape = tools.orientation[tool], tools.geometry[tool]
     half = np.array([shape.reach_along(axis) for axis in np.eye(3)])
     points = rest_points(body) - tools.position[tool]
@@ -54,5 +67,4 @@ def _bared(tools: ToolSet, tool: int, body: Body) -> float:
     if not np.array_equal(turn, [1.0, 0.0, 0.0, 0.0]):
         own = np.array([rotate_back(turn, *p) for p in points])
     low, high = own.min(axis=0), own.max(axis=0)
-    facing = int(np.argmax(np.abs(0.5 * (low + high)) / half))
-    return max(float(max(high[axis], -low[axis]) - half[axis]) for axis in range(3) if axis != facing)
+    return int(np.argmax(np.abs(0.5 * (low + high)) / half)), np.maximum(high, -low), half

@@ -121,6 +121,8 @@ def _open(group, n_nodes, rows, pairs):
     rows[group, DIRECT], rows[group, DEEP], rows[group, EDGED] = 1, 0, 0
     for entry in range(WIDTH):
         pairs[group, entry] = 0.0
+    for lane in range(EIGHT):
+        pairs[group, EIGHT * GRADE + lane] = 1.0
 
 
 @njit(cache=True, error_model="numpy")
