@@ -54,7 +54,10 @@ def test_tools_that_fit_between_points_are_named(tmp_path: Path) -> None:
     for model in ("pbd", "fem"):
         scene = SCENE.replace(BEYOND, "").replace("{default: pbd}", f"{{default: {model}}}")
         told = said(tmp_path, scene.replace("cell: 0.02", "cell: 0.06"))
-        assert "points 15 mm apart" in told and "ball (16 mm), bar (12 mm), rod (12 mm), wide (20 mm). Make cells 0.02 m" in told
+        assert (
+            "points 15 mm apart" in told
+            and "ball (16 mm), bar (12 mm), rod (12 mm), wide (20 mm). Make cells 0.02 m" in told
+        )
         assert "mm apart" not in said(tmp_path, scene)
 
 

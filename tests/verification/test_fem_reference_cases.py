@@ -73,12 +73,12 @@ def test_a_sphere_pressed_into_a_block() -> None:
 
 @pytest.mark.slow
 def test_pads_smaller_than_the_face() -> None:
-    """Force within 3 % on 10^3 cells and 1.2 % where 5^3 and 10^3 point to (order 1: the edge of a pad is singular);
-    stress inside within 2.5 %, which is the reference's uncertainty and 1 %."""
+    """Force within 3 % on 10^3 cells and 1.6 % where 5^3 and 10^3 point to (order 1: the edge of a pad is singular);
+    stress inside within 3 %, the reference's uncertainty and 1.5 %."""
     coarse, fine = errors(pad(5), PAD), errors(pad(10), PAD)
     for name in PAD:
         if name.startswith("force"):
             assert abs(fine[name]) < 0.03
-            assert abs(2.0 * fine[name] - coarse[name]) < 0.012
+            assert abs(2.0 * fine[name] - coarse[name]) < 0.016
     for name in ("centre", "quarter of the axis", "half way aside", "half way up"):
-        assert abs(fine[f"von Mises, {name}"]) < 0.025
+        assert abs(fine[f"von Mises, {name}"]) < 0.03
