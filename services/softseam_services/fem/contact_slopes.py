@@ -23,6 +23,8 @@ class ContactSlopes(NamedTuple):
     """by the point's place at the end of the step (q, 6, 3)"""
     edges: Floats
     """force by the two edges of the point's patch, where that is looked at in parts (q, 2, 3, 3)"""
+    lean: Floats
+    """where on its patch the force acts, work.lean, by the point's place and the patch's edges (q, 2, 3, 3) [1/m]"""
     multiplier: Floats
     """by the force of the step before (q, 6, 3)"""
     since: Floats
@@ -45,6 +47,8 @@ class ContactSlopes(NamedTuple):
     """forces of the cells, by which Young's modulus counts (3 n_free,) [N]"""
     right: Floats
     """right side of an equation (3 n_free,)"""
+    zero: Floats
+    """zeros (3 n_free,)"""
     d: Floats
     basis: Floats
     """of GMRES (MOST_ITERATIONS + 1, 3 n_free)"""
@@ -57,6 +61,7 @@ def build_slopes(work: Work) -> ContactSlopes:
     return ContactSlopes(
         place=np.zeros((q, 6, 3)),
         edges=np.zeros((q, 2, 3, 3)),
+        lean=np.zeros((q, 2, 3, 3)),
         multiplier=np.zeros((q, 6, 3)),
         since=np.zeros((q, 6, 3)),
         numbers=np.zeros((q, 6, 2)),
@@ -68,6 +73,7 @@ def build_slopes(work: Work) -> ContactSlopes:
         x=np.zeros((n, 3)),
         inner=np.zeros(free),
         right=np.zeros(free),
+        zero=np.zeros(free),
         d=np.zeros(free),
         basis=np.zeros((MOST_ITERATIONS + 1, free)),
         hessenberg=np.zeros((MOST_ITERATIONS + 1, MOST_ITERATIONS + 3)),

@@ -85,6 +85,8 @@ class FemParameters(NamedTuple):
     cut_force: Floats
     """its transpose above their stabilisation, fill and mu included: what F and x give a force with (u, 24 + 27, 27)"""
     point_weight: Floats
+    point_tilt: Floats
+    """of points inside faces, see `FacePoints.tilt`; 0 of others (entries, 2)"""
     point_stiffness: Floats
     """r, 0 at points that are for display only (p,) [N/m]"""
     swiftness: Floats
@@ -209,6 +211,7 @@ def _contact(model: FemModel, body: Body, region: Region, functions: Functions) 
     weight, x_rest = np.concatenate([weight, inner.weight]), body.x_rest[region.nodes]
     return {
         "point_weight": weight,
+        "point_tilt": np.concatenate([np.zeros((len(weight) - len(inner.weight), 2)), inner.tilt]),
         "friction_factor": body.friction_field.at_points(x_rest, model.point_ptr, model.point_node, weight),
         "point_stiffness": factor * (young / spacing) * area,
         "swiftness": FIRM / factor * density * spacing**2 / (3.0 * young),

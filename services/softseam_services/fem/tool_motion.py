@@ -22,7 +22,7 @@ class Tools(NamedTuple):
     reach: Floats
     half_width: Floats
     bends: Floats
-    edged: NDArray[np.bool_]
+    places: NDArray[np.int64]
     near: NDArray[np.bool_]
     position: Floats
     orientation: Floats
@@ -33,7 +33,7 @@ class Tools(NamedTuple):
 def at_rest(tools: ToolSet) -> Tools:
     """Tools with poses of zeros, to be set by `moved`."""
     poses = (np.zeros((len(tools.names), width)) for width in (3, 4, 3, 4))
-    return Tools(tools.kind, tools.shape, tools.reach, tools.half_width, tools.bends, tools.edged, tools.near, *poses)
+    return Tools(tools.kind, tools.shape, tools.reach, tools.half_width, tools.bends, tools.places, tools.near, *poses)
 
 
 def moved(whole: Tools, motion: ToolMotion) -> Tools:

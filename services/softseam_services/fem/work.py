@@ -69,10 +69,8 @@ class Work(NamedTuple):
     q: Floats
     s: Floats
     pair: Ints
-    start: Floats
-    """per pair: where the point is when the step begins [m]"""
     begun: Floats
-    """and where it would be at its end, had it gone with the tool [m]"""
+    """per pair: where the point would be when the step ends, had it gone with the tool [m]"""
     offset: Floats
     """of the point from its anchor when the step begins, turned along with the tool [m]"""
     multiplier: Floats
@@ -80,6 +78,8 @@ class Work(NamedTuple):
     hold: Floats
     """per pair: stiffness [N/m], the part that is carried over, the gap that is left [m], the pace, and s of
     tools/kernels/patch.py [m]"""
+    lean: Floats
+    """per pair: where on its patch the force acts, in its edges from the middle (2,) [1]"""
     side: NDArray[np.int8]
     """per pair: side of the box that the point faces, -1 where the tool's gap counts, SWEPT or EDGED"""
     plane: Floats
@@ -179,12 +179,12 @@ def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work
         q=basis[:MEMORY],
         s=basis[MEMORY:],
         pair=np.zeros((n_pairs, 2), dtype=np.int32),
-        start=np.zeros((n_pairs, 3)),
         begun=np.zeros((n_pairs, 3)),
         offset=np.zeros((n_pairs, 3)),
         multiplier=np.zeros((n_pairs, 3)),
         contact=np.zeros((n_pairs, N_COLUMNS)),
         hold=np.zeros((n_pairs, 5)),
+        lean=np.zeros((n_pairs, 2)),
         side=np.zeros(n_pairs, dtype=np.int8),
         plane=np.zeros((n_pairs, 4)),
         state=np.zeros(n_pairs, dtype=np.int8),

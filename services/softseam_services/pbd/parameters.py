@@ -126,7 +126,7 @@ class PbdParameters:
             kind=tools.kind,
             shape=tools.shape,
             reach=tools.reach,
-            edged=tools.edged,
+            places=tools.places,
             friction=tools.friction,
             near=tools.near,
             margin=MARGIN * float(blocks.edges.min()),

@@ -64,7 +64,7 @@ class ParameterArrays(NamedTuple):
     kind: NDArray[np.int64]
     shape: Floats
     reach: Floats
-    edged: NDArray[np.bool_]
+    places: NDArray[np.int64]
     friction: Floats
     near: NDArray[np.bool_]
     margin: float

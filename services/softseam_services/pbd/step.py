@@ -12,7 +12,7 @@ from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.body import Floats
 from softseam_services.body.materials.point import LINEAR
 from softseam_services.body.turning import Turning, with_change
-from softseam_services.tools.face_points import PATCHES
+from softseam_services.tools.edged import PATCHES
 from softseam_services.totals import Totals
 
 from . import watch

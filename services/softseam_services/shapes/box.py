@@ -9,7 +9,7 @@ from softseam_protocol.scene.tools import BoxTool
 from softseam_services.body.body import Floats
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX
-from softseam_services.shapes.geometry import ROUNDEST, Geometry, Sameness
+from softseam_services.shapes.geometry import Geometry, Sameness
 from softseam_services.shapes.shape import Files, Shape
 from softseam_services.shapes.turns import quaternion_turning
 
@@ -44,14 +44,10 @@ def geometry(spec: BoxTool | BoxPart, files: Files) -> Geometry:
         orientation=quaternion_turning(np.array(spec.rotation)),
         extent=lambda direction: float(np.abs(direction) @ half),
         sameness=Sameness((1.0, 2.0, 3.0)),
-        rounded=lambda radius: np.append(half, min(radius, ROUNDEST * wall(half))),
+        rounded=lambda radius: np.append(half, radius),
+        wall=float(2.0 / np.sum(1.0 / half)),
         bends=0.0,
     )
-
-
-def wall(half: Floats) -> float:
-    """Twice its volume over its surface, of half edges (3,) [m]."""
-    return float(2.0 / np.sum(1.0 / half))
 
 
 SHAPE = Shape(geometry, inline=BOX)

@@ -8,7 +8,7 @@ from softseam_protocol.scene.parts import CylinderPart
 from softseam_protocol.scene.tools import CylinderTool
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import CYLINDER
-from softseam_services.shapes.geometry import ROUNDEST, Geometry, Sameness
+from softseam_services.shapes.geometry import Geometry, Sameness
 from softseam_services.shapes.long import around, ends
 from softseam_services.shapes.shape import Files, Shape
 from softseam_services.shapes.turns import quaternion_onto
@@ -41,7 +41,8 @@ def geometry(spec: CylinderTool | CylinderPart, files: Files) -> Geometry:
         sameness=Sameness((1.0, 1.0, 2.0)),
         core=ends(radius, half),
         bends=0.99,
-        rounded=lambda rim: np.array([radius, half, min(rim, ROUNDEST * 2.0 / (2.0 / radius + 1.0 / half))]),
+        rounded=lambda rim: np.array([radius, half, rim]),
+        wall=2.0 / (2.0 / radius + 1.0 / half),
     )
 
 

@@ -68,8 +68,10 @@ class Geometry:
     slack: float = 0.0
     """depth at which the distance cannot tell touching from overlapping [m]"""
     rounded: Callable[[float], Floats] | None = None
-    """numbers of the same shape, with edges of a radius [m], less where its walls are thin; None: it has no sharp
+    """numbers of the same shape, with edges of a radius of at most ROUNDEST of its walls [m]; None: it has no sharp
     edges, or keeps them"""
+    wall: float = np.inf
+    """how thick its walls are in the mean: twice its volume over its surface [m]"""
     bends: float = 1.0
     """share of its surface that is curved [1]"""
     notes: tuple[str, ...] = ()

@@ -14,7 +14,7 @@ from softseam_services.body.errors import MeshError
 from softseam_services.body.surface_check import enclosed_volume, orient, triangle_areas
 from softseam_services.body.surface_points import refine
 from softseam_services.shapes.branches import MESH
-from softseam_services.shapes.geometry import ROUNDEST, Geometry
+from softseam_services.shapes.geometry import Geometry
 from softseam_services.shapes.mesh_grid import COUNTS, ORIGIN, SPACING, VALUES
 from softseam_services.shapes.shape import Files, Shape
 from softseam_services.shapes.turns import quaternion_turning
@@ -66,6 +66,8 @@ class ToolMesh:
         """points of the surface no farther apart than size/OUTLINE (m, 3) [m]"""
         self.notes = notes + thin
         self.row = _distance_row(self.vertices, triangles)
+        self.wall = wall_of(self.vertices, self.triangles)
+        """how thick its walls are in the mean [m]"""
         self.bends = _curved_share(self.vertices, triangles)
         """share of the surface that is no large plane [1]"""
         self._rounded: dict[float, Floats] = {}
@@ -73,7 +75,7 @@ class ToolMesh:
     def rounded(self, radius: float) -> Floats:
         """`row`, with edges of a radius [m]."""
         if radius not in self._rounded:
-            least = min(radius, ROUNDEST * wall_of(self.vertices, self.triangles)) - CHAMFER * float(self.row[SPACING])
+            least = radius - CHAMFER * float(self.row[SPACING])
             self._rounded = {radius: _rounded_row(self.row, least) if least > 0.0 else self.row}
         return self._rounded[radius]
 
@@ -215,6 +217,7 @@ def geometry(spec: MeshTool, files: Files) -> Geometry:
         surface=ToolSurface(mesh.vertices, mesh.triangles),
         slack=0.1 * float(mesh.row[SPACING]),
         rounded=mesh.rounded,
+        wall=mesh.wall,
         bends=mesh.bends,
         notes=mesh.notes,
     )

@@ -12,7 +12,9 @@ from softseam_services.shapes.branches import BOX, PLANE
 from softseam_services.tools.kernels import rotate_back
 from softseam_services.tools.tool_set import ToolSet
 
-ROUND = 0.2
+PATCHES = 4
+"""along each edge of a face"""
+ROUND = 0.15
 """radius by which edges are rounded that press into a face, in edges of its cell: points lie a quarter of one apart,
 and a sharper edge lets go of them one row at a time (docs/decisions/19)"""
 MARGIN = 0.02
@@ -41,7 +43,7 @@ def with_round_edges(tools: ToolSet, body: Body) -> ToolSet:
     for tool in np.flatnonzero(pressing_between(tools, body)):
         if tools.geometry[tool].rounded is not None:
             radius[tool] = np.clip(_bared(tools, int(tool), body), 0.0, ROUND * body.resolution)
-    return tools.rounded(radius)
+    return tools.felt(float(body.edges.max()) / PATCHES, radius)
 
 
 def face_width(tools: ToolSet, tool: int, body: Body) -> float:

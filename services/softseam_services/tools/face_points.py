@@ -19,13 +19,10 @@ from softseam_services.body.kernels.shape_functions import fill_weights
 from softseam_services.body.outer_faces import FACE_NODES, outer_faces
 from softseam_services.body.own_shapes import cell_volumes
 from softseam_services.body.region import node_of_point
-from softseam_services.tools.edged import pressing_between
+from softseam_services.tools.edged import PATCHES, pressing_between
 from softseam_services.tools.tool_set import ToolSet
 
 Mask = NDArray[np.bool_]
-
-PATCHES = 4
-"""along each edge of a face"""
 
 
 def _middles() -> tuple[Floats, Floats]:
@@ -46,6 +43,8 @@ def _middles() -> tuple[Floats, Floats]:
 
 
 _MIDDLES, _SLOPES = _middles()
+_ASIDE = 0.1
+"""half of the way over which weights are compared, in the cell: functions are quadratic at most, and the same there"""
 
 
 @dataclass(frozen=True)
@@ -66,6 +65,8 @@ class FacePoints:
     node: Ints
     weight: Floats
     """as of `point_weights`"""
+    tilt: Floats
+    """change of each weight from one edge of the point's patch to the other, along its first and second edge (m, 2)"""
 
 
 def touched_faces(body: Body, region: Region, tools: ToolSet | None) -> tuple[Mask, Mask, Ints]:
@@ -92,7 +93,16 @@ def face_points(body: Body, region: Region, faces: Ints, functions: Functions) -
     cell, local = np.repeat(carrier, PATCHES**2), _MIDDLES[side].reshape(-1, 3)
     indptr = np.zeros(len(cell) + 1, dtype=np.int32)
     node, weight = np.empty(27 * len(cell), dtype=np.int32), np.empty(27 * len(cell))
-    count = fill_weights(local, cell, region.cell_nodes, FUNCTION_NUMBER[functions], indptr, node, weight)
+    number = FUNCTION_NUMBER[functions]
+    count = fill_weights(local, cell, region.cell_nodes, number, indptr, node, weight)
+    tilt = np.zeros((count, 2))
+    for along in range(2):
+        aside = np.zeros_like(local)
+        aside[np.arange(len(local)), (np.repeat(side, PATCHES**2) // 2 + 1 + along) % 3] = _ASIDE
+        for sign in (-1.0, 1.0):
+            there = np.empty_like(weight)
+            fill_weights(local + sign * aside, cell, region.cell_nodes, number, indptr, node, there)
+            tilt[:, along] += sign / (PATCHES * _ASIDE) * there[:count]
     return FacePoints(
         cell=cell,
         local=local,
@@ -102,6 +112,7 @@ def face_points(body: Body, region: Region, faces: Ints, functions: Functions) -
         indptr=indptr,
         node=node[:count].copy(),
         weight=weight[:count].copy(),
+        tilt=tilt,
     )
 
 

@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages.recording import ToolSurface
 from softseam_services.shapes.branches import BOX
-from softseam_services.shapes.geometry import Geometry
+from softseam_services.shapes.geometry import ROUNDEST, Geometry
+
+FEWEST, MOST = 4, 12
+"""places in which a patch looks at a tool, along each of its edges"""
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,8 @@ class ToolSet:
     """unit quaternions w, x, y, z at time 0 (t, 4)"""
     geometry: tuple[Geometry, ...]
     """of each tool, in its own frame"""
+    patch: float = 0.0
+    """longest edge of a patch of the body that feels them, 0 where none has patches [m]"""
 
     @cached_property
     def sameness(self) -> NDArray[np.float64]:
@@ -62,19 +67,27 @@ class ToolSet:
         return np.array([each.bends for each in self.geometry])
 
     @cached_property
-    def edged(self) -> NDArray[np.bool_]:
-        """Tools with edges between faces (t,)."""
-        return np.array([each.rounded is not None and each.bends < 1.0 for each in self.geometry], dtype=np.bool_)
+    def wall(self) -> NDArray[np.float64]:
+        """As of each one's geometry (t,) [m]"""
+        return np.array([each.wall for each in self.geometry])
 
-    def rounded(self, radius: NDArray[np.float64]) -> ToolSet:
-        """The same tools with edges of these radii (t,) [m], and less where walls are thin; 0 leaves one as it is."""
-        shape = self.shape.copy()
+    @cached_property
+    def places(self) -> NDArray[np.int64]:
+        """In how many places along each edge of a patch a tool with edges is looked at, two on the thickness of its
+        walls; 0: it has no edges (t,)"""
+        edged = np.array([each.rounded is not None and each.bends < 1.0 for each in self.geometry], dtype=np.bool_)
+        return np.where(edged, np.clip(np.ceil(2.0 * self.patch / self.wall), FEWEST, MOST), 0).astype(np.int64)
+
+    def felt(self, patch: float, radius: NDArray[np.float64]) -> ToolSet:
+        """The same tools as a body of such patches feels them [m]: with edges of these radii (t,) [m], and less where
+        walls are thin; 0 leaves one as it is."""
+        shape, radius = self.shape.copy(), np.minimum(radius, ROUNDEST * self.wall)
         for tool in np.flatnonzero(radius):
             make = self.geometry[tool].rounded
             if make is not None:
                 numbers = make(float(radius[tool]))
                 shape[tool, : len(numbers)] = numbers
-        return replace(self, shape=shape)
+        return replace(self, shape=shape, patch=patch)
 
     @cached_property
     def short(self) -> list[float]:

@@ -153,7 +153,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
 
     x (n, 3), v (n, 3) positions and velocities at the start, dt: of the step, multiplier (p, t, 9) contact state at the
     start, inertia: of `firmness`, pace: share of the penetration and of the offset that the step may take out; fills
-    work.pair, start, begun, offset, multiplier, hold, side and plane, and resets the states; returns how many.
+    work.pair, begun, offset, multiplier, hold, side and plane, and resets the states; returns how many.
     """
     n_tools = len(tools.kind)
     xp, away, ahead = np.empty(3), np.empty(3), np.empty(3)
@@ -179,7 +179,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
             carry = 0.0 if face >= 0 or face == SPREAD else 1.0
             gap, edged = tool_gap(kind, shape, position, turn, xp)[0], False
             if face >= 0:
-                edged = tools.edged[tool]
+                edged = tools.places[tool] > 0
                 if edged:
                     gap -= 0.5 * parameters.face_edge[face]  # no part of the patch is farther from its middle
                 sag = tools.bends[tool] * sag_under(tools.half_width[tool], 0.5 * parameters.face_edge[face])
@@ -203,7 +203,6 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                         side = SWEPT
                 work.pair[count, 0] = point
                 work.pair[count, 1] = tool
-                work.start[count] = xp
                 for i in range(3):
                     away[i] = xp[i] - tools.position[tool, i]
                 _turn_along(tools, tool, away, work.begun[count])
@@ -218,6 +217,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                     _turn_force(tools, tool, side, xp, work.multiplier[count])
                 work.state[count] = OPEN
                 work.contact[count] = 0.0
+                work.lean[count] = 0.0
                 firm = firmness(model, parameters, point, inertia) if carry > 0.0 else 1.0
                 work.hold[count, 0] = firm * parameters.point_stiffness[point]
                 work.hold[count, 1] = carry

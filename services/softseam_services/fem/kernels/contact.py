@@ -45,7 +45,6 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.tools.face_points import PATCHES
 from softseam_services.tools.kernels import bent, patch_press, plane_gap, press, side_gap, tool_gap
 
 OPEN, STICK, SLIP = 0, 1, 2
@@ -78,25 +77,33 @@ def point_position(x, model, parameters, point, out):
 
 
 @njit(cache=True, error_model="numpy")
-def neighbour(model, point, which):
-    """The point beside one inside a face along the first or the second edge of its patch, and 1 or -1 for its side."""
-    number = (point - len(model.point_face)) % PATCHES**2  # these come last, and face by face
-    if which == 0:
-        sign = 1 - 2 * (number // PATCHES % 2)
-        return point + PATCHES * sign, sign
-    sign = 1 - 2 * (number % 2)
-    return point + sign, sign
+def patch_edges(x, model, parameters, point, edges):
+    """edges (2, 3) [m] <- those of the patch of a point inside a face, where nodes are at x (n, 3)."""
+    edges[:] = 0.0
+    for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+        node = model.point_node[entry]
+        for which in range(2):
+            for i in range(3):
+                edges[which, i] += parameters.point_tilt[entry, which] * x[node, i]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def acting_weight(c, entry, parameters, work):
+    """Weight of a node at the place where a candidate's force acts: its point, or beside it on its patch."""
+    tilt, lean = parameters.point_tilt, work.lean
+    return parameters.point_weight[entry] + lean[c, 0] * tilt[entry, 0] + lean[c, 1] * tilt[entry, 1]
 
 
 @njit(cache=True, error_model="numpy")
-def patch_edges(x, model, parameters, point, xp, edges):
-    """edges (2, 3) [m] <- those of the patch of a point inside a face, at xp (3,) where nodes are at x (n, 3): to its
-    neighbours on the face."""
-    for which in range(2):
-        there, sign = neighbour(model, point, which)
-        point_position(x, model, parameters, there, edges[which])
-        for i in range(3):
-            edges[which, i] = sign * (edges[which, i] - xp[i])
+def acting_place(c, x, model, parameters, work, out):
+    """out (3,) <- where a candidate's force acts, of nodes at x (n, 3)."""
+    point = work.pair[c, 0]
+    out[0] = out[1] = out[2] = 0.0
+    for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+        node, weight = model.point_node[entry], acting_weight(c, entry, parameters, work)
+        out[0] += weight * x[node, 0]
+        out[1] += weight * x[node, 1]
+        out[2] += weight * x[node, 2]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -123,11 +130,12 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         if work.side[c] == SWEPT:
             gap, nx, ny, nz = plane_gap(work.plane[c], tools.position_next[tool], orientation, xp)
         elif work.side[c] == EDGED:
-            patch_edges(x, model, parameters, point, xp, edges)
-            inside, slope, nx, ny, nz = patch_press(
+            patch_edges(x, model, parameters, point, edges)
+            inside, slope, nx, ny, nz, s, t = patch_press(
                 *(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation),
-                *(xp, edges[0], edges[1], sag),
+                *(xp, edges[0], edges[1], sag, tools.places[tool]),
             )
+            work.lean[c, 0], work.lean[c, 1] = s, t
             gap = -inside / slope
         elif work.side[c] < 0:
             gap, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation, xp)
@@ -237,7 +245,7 @@ def add_contact_forces(model, parameters, count, work, r):
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
             place = model.point_place[entry]
             if place >= 0:
-                weight = parameters.point_weight[entry]
+                weight = acting_weight(c, entry, parameters, work)
                 r[3 * place] += weight * fx
                 r[3 * place + 1] += weight * fy
                 r[3 * place + 2] += weight * fz

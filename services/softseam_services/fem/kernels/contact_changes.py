@@ -24,6 +24,7 @@ from softseam_services.fem.kernels.contact import (
     SLOPE,
     TRACTION,
     TRIAL,
+    acting_weight,
     coefficient,
 )
 from softseam_services.fem.kernels.dot import dot
@@ -67,7 +68,8 @@ def apply_changes(model, parameters, count, v, work, out):
             continue
         vx = vy = vz = 0.0
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-            place, weight = 3 * model.point_place[entry], parameters.point_weight[entry]
+            place = 3 * model.point_place[entry]
+            weight = acting_weight(c, entry, parameters, work)
             if place >= 0:
                 vx += weight * v[place]
                 vy += weight * v[place + 1]
@@ -76,7 +78,8 @@ def apply_changes(model, parameters, count, v, work, out):
         fy = change[1, 0] * vx + change[1, 1] * vy + change[1, 2] * vz
         fz = change[2, 0] * vx + change[2, 1] * vy + change[2, 2] * vz
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-            place, weight = 3 * model.point_place[entry], parameters.point_weight[entry]
+            place = 3 * model.point_place[entry]
+            weight = acting_weight(c, entry, parameters, work)
             if place >= 0:
                 out[place] += weight * fx
                 out[place + 1] += weight * fy

@@ -69,10 +69,10 @@ def differentiate_contacts(x0, v0, dt, x, contact, model, parameters, tools, cou
         for i in range(3):
             touched = touched or contact[point, tool, i] != 0.0
         out.anchored[c] = alone and touched
-        out.edges[c] = 0.0
+        out.edges[c], out.lean[c] = 0.0, 0.0
         if work.side[c] == EDGED:
-            patch_edges(x, model, parameters, point, xp, edges)
-            _differentiate_patch(c, xp, edges, friction, parameters.edge, tools, work, G, H, out.edges[c])
+            patch_edges(x, model, parameters, point, edges)
+            _differentiate_patch(c, xp, edges, friction, parameters.edge, tools, work, G, H, out)
         else:
             _bend(c, xp, parameters.edge, tools, work, G, H)
         _differentiate(c, xp, G, H, friction, work, out)
@@ -136,11 +136,12 @@ def _bend(c, xp, edge, tools, work, G, H):
 
 
 @njit(cache=True, error_model="numpy")
-def _differentiate_patch(c, xp, edges, friction, edge, tools, work, G, H, by_edges):
-    """`_bend` of a patch that is looked at in parts, and its force by its edges (2, 3, 3) [N/m], in place: central
-    differences of eq. (2) of tools/kernels/patch.py."""
+def _differentiate_patch(c, xp, edges, friction, edge, tools, work, G, H, out):
+    """`_bend` of a patch that is looked at in parts, and out.edges and out.lean of it, in place: central differences of
+    eq. (2) of tools/kernels/patch.py."""
+    by_edges, lean = out.edges[c], out.lean[c]
     row, tool, r, apart = work.contact[c], work.pair[c, 1], work.hold[c, 0], _APART * edge
-    kind, shape, sag = tools.kind[tool], tools.shape[tool], work.hold[c, 4]
+    kind, shape, sag, places = tools.kind[tool], tools.shape[tool], work.hold[c, 4], tools.places[tool]
     position, turn = tools.position_next[tool], tools.orientation_next[tool]
     q, e, dn, dt = np.empty(3), np.zeros(3), np.empty(3), np.empty(3)
     across, slips = 0.0, work.state[c] == SLIP
@@ -156,10 +157,11 @@ def _differentiate_patch(c, xp, edges, friction, edge, tools, work, G, H, by_edg
         for j in range(3):
             at = moved[j]
             moved[j] = at + apart
-            far, _, fx, fy, fz = patch_press(kind, shape, position, turn, xp, edges[0], edges[1], sag)
+            far, _, fx, fy, fz, fs, ft = patch_press(kind, shape, position, turn, xp, edges[0], edges[1], sag, places)
             moved[j] = at - apart
-            near, _, nx, ny, nz = patch_press(kind, shape, position, turn, xp, edges[0], edges[1], sag)
+            near, _, nx, ny, nz, ns, nt = patch_press(kind, shape, position, turn, xp, edges[0], edges[1], sag, places)
             moved[j] = at
+            lean[0, which, j], lean[1, which, j] = (fs - ns) / (2.0 * apart), (ft - nt) / (2.0 * apart)
             dp = r * (far - near) / (2.0 * apart)
             dn[0], dn[1], dn[2] = (fx - nx) / (2.0 * apart), (fy - ny) / (2.0 * apart), (fz - nz) / (2.0 * apart)
             if which == 2:

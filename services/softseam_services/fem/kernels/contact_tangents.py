@@ -20,6 +20,7 @@ from softseam_services.fem.kernels.contact import (
     STICK,
     TRACTION,
     TRIAL,
+    acting_weight,
     coefficient,
 )
 from softseam_services.fem.kernels.fronts import add_block, add_block_row
@@ -56,7 +57,7 @@ def add_contact_tangents(model, parameters, tree, count, ahead, work):
         _resist(c, coefficient(parameters, point, tool), work, block)
         cell = model.point_cell[point]
         if model.point_face[point] != SPREAD:
-            _add_point(model, parameters, tree, point, block, work)
+            _add_point(c, model, parameters, tree, point, block, work)
             continue
         if gathered == BATCH or (gathered > 0 and cell != cell_of):
             _add_points(tree, cell_of, gathered, work)
@@ -87,7 +88,7 @@ def _resist(c, friction, work, block):
 
 
 @njit(cache=True, error_model="numpy")
-def _add_point(model, parameters, tree, point, block, work):
+def _add_point(c, model, parameters, tree, point, block, work):
     """Add the block of one point, pair by pair of its nodes."""
     cell = model.point_cell[point]
     for a in range(model.point_ptr[point], model.point_ptr[point + 1]):
@@ -97,7 +98,7 @@ def _add_point(model, parameters, tree, point, block, work):
         for b in range(model.point_ptr[point], model.point_ptr[point + 1]):
             rank_b = tree.cell_rank[cell, model.point_local[b]]
             if rank_a <= rank_b < tree.cell_free[cell]:
-                weight = parameters.point_weight[a] * parameters.point_weight[b]
+                weight = acting_weight(c, a, parameters, work) * acting_weight(c, b, parameters, work)
                 add_block(tree, work.values, cell, rank_a, rank_b, weight, block)
 
 

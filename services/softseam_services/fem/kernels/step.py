@@ -16,6 +16,7 @@ from softseam_services.fem.kernels.contact import (
     RELAXED,
     SLIDE,
     TRACTION,
+    acting_place,
     augment,
     evaluate_contacts,
     next_anchor,
@@ -63,7 +64,7 @@ def _record_contacts(now, end, count, model, parameters, tools, work, result):
     contact[:] = 0.0
     wrench[:] = 0.0
     out[PENETRATION] = out[SLIPPED] = out[N_CONTACTS] = out[TOOL_WORK] = 0.0
-    arm = np.empty(3)
+    arm, begun = np.empty(3), np.empty(3)
     for c in range(count):
         if work.state[c] == OPEN:
             continue
@@ -85,9 +86,9 @@ def _record_contacts(now, end, count, model, parameters, tools, work, result):
         point_position(x, model, parameters, point, arm)
         next_anchor(c, arm, work, contact[point, tool, ANCHOR:])
         fx, fy, fz = contact[point, tool, 0], contact[point, tool, 1], contact[point, tool, 2]
-        out[TOOL_WORK] += (
-            fx * (arm[0] - work.start[c, 0]) + fy * (arm[1] - work.start[c, 1]) + fz * (arm[2] - work.start[c, 2])
-        )
+        acting_place(c, now.x, model, parameters, work, begun)
+        acting_place(c, x, model, parameters, work, arm)
+        out[TOOL_WORK] += fx * (arm[0] - begun[0]) + fy * (arm[1] - begun[1]) + fz * (arm[2] - begun[2])
         for i in range(3):
             arm[i] -= tools.position_next[tool, i]
         wrench[tool, 0] -= fx

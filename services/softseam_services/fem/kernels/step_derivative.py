@@ -22,13 +22,16 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.fem.kernels.anderson import add_scaled
-from softseam_services.fem.kernels.contact import EDGED, NORMAL, OPEN, PRESSURE, SWEPT, TRACTION, neighbour
+from softseam_services.fem.kernels.contact import EDGED, NORMAL, OPEN, PRESSURE, SWEPT, TRACTION, acting_weight
 from softseam_services.fem.kernels.contact_derivative import BY_FRICTION, BY_PENALTY, differentiate_contacts
 from softseam_services.fem.kernels.dot import dot
 from softseam_services.fem.kernels.fronts import solve
 from softseam_services.fem.kernels.gmres import add_solution, begin_krylov, extend_krylov
 from softseam_services.fem.kernels.tangent_product import multiply_tangent
 from softseam_services.jit import njit
+
+POINT, ACTING = 2, 3
+"""where W of `_spread` is: at a candidate's point, or where its force acts"""
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -47,18 +50,28 @@ def differentiate(model, parameters, now, end, tools, dt, count, work, slopes):
     force = np.empty(3)
     for c in range(count):
         if work.state[c] != OPEN:
-            row = work.contact[c]
-            for i in range(3):
-                force[i] = row[PRESSURE] * row[NORMAL + i] + row[TRACTION + i]
-            _spread(c, force, model, parameters, work, inner)
+            _acting(c, work, force)
+            _spread(c, ACTING, 1.0, force, model, parameters, work, inner)
     differentiate_contacts(now.x, now.v, dt, x, now.contact, model, parameters, tools, count, work, slopes)
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def _weight(c, entry, which, parameters, work):
+    """Of a node, at a candidate's place in `_spread` and `_collect`."""
+    if which == POINT:
+        return parameters.point_weight[entry]
+    if which == ACTING:
+        return acting_weight(c, entry, parameters, work)
+    return parameters.point_tilt[entry, which]
+
+
 @njit(cache=True, error_model="numpy")
-def _spread_point(point, scale, vector, model, parameters, out):
-    """out += scale W^T vector of a point, at free nodes."""
+def _spread(c, which, scale, vector, model, parameters, work, out):
+    """out += scale W^T vector (3,) of a candidate, at free nodes: W of its point, of where its force acts, or of one of
+    its patch's edges, 0 or 1."""
+    point = work.pair[c, 0]
     for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-        place, weight = 3 * model.point_place[entry], scale * parameters.point_weight[entry]
+        place, weight = 3 * model.point_place[entry], scale * _weight(c, entry, which, parameters, work)
         if place >= 0:
             out[place] += weight * vector[0]
             out[place + 1] += weight * vector[1]
@@ -66,59 +79,75 @@ def _spread_point(point, scale, vector, model, parameters, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _collect_point(point, scale, values, model, parameters, out):
-    """out (3,) += scale W values of a point; values (3 n_free,)."""
+def _collect(c, which, values, model, parameters, work, out):
+    """out (3,) <- W values of a candidate, as in `_spread`; values (3 n_free,)."""
+    point = work.pair[c, 0]
+    out[0] = out[1] = out[2] = 0.0
     for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-        place, weight = 3 * model.point_place[entry], scale * parameters.point_weight[entry]
+        place, weight = 3 * model.point_place[entry], _weight(c, entry, which, parameters, work)
         if place >= 0:
             out[0] += weight * values[place]
             out[1] += weight * values[place + 1]
             out[2] += weight * values[place + 2]
 
 
-@njit(cache=True, error_model="numpy")
-def _spread(c, vector, model, parameters, work, out):
-    """out += W^T vector of a candidate, at free nodes."""
-    _spread_point(work.pair[c, 0], 1.0, vector, model, parameters, out)
+@njit(cache=True, error_model="numpy", inline="always")
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(cache=True, error_model="numpy")
-def _collect(c, values, model, parameters, work, out):
-    """out (3,) <- W values of a candidate; values (3 n_free,)."""
-    out[0] = out[1] = out[2] = 0.0
-    _collect_point(work.pair[c, 0], 1.0, values, model, parameters, out)
-
-
-@njit(cache=True, error_model="numpy")
-def _add_by_edges(c, values, model, parameters, work, slopes, force):
-    """force (3,) += what a change of the edges of a candidate's patch makes of it; values (3 n_free,)."""
+def _push_patch(c, scale, values, model, parameters, work, slopes, force, out):
+    """What a change of places does to a patch under a tool with edges: force (3,) += by its edges, and out += scale
+    times what the force does as it moves on the patch; values (3 n_free,)."""
     if work.side[c] != EDGED:
         return
-    point, change = work.pair[c, 0], np.empty(3)
-    for which in range(2):
-        there, sign = neighbour(model, point, which)
-        change[:] = 0.0
-        _collect_point(there, sign, values, model, parameters, change)
-        _collect_point(point, -sign, values, model, parameters, change)
-        for i in range(3):
-            for j in range(3):
-                force[i] += slopes.edges[c, which, i, j] * change[j]
-
-
-@njit(cache=True, error_model="numpy")
-def _spread_by_edges(c, scale, vector, model, parameters, work, slopes, out):
-    """out += the transpose of `_add_by_edges`, times scale and a vector (3,), at free nodes."""
-    if work.side[c] != EDGED:
-        return
-    point, back = work.pair[c, 0], np.empty(3)
-    for which in range(2):
-        there, sign = neighbour(model, point, which)
-        for j in range(3):
-            back[j] = 0.0
+    change, acts = np.empty(3), np.empty(3)
+    first = second = 0.0
+    for which in (0, 1, POINT):
+        _collect(c, which, values, model, parameters, work, change)
+        first += _dot(slopes.lean[c, 0, which], change)
+        second += _dot(slopes.lean[c, 1, which], change)
+        if which != POINT:
             for i in range(3):
-                back[j] += scale * slopes.edges[c, which, i, j] * vector[i]
-        _spread_point(there, sign, back, model, parameters, out)
-        _spread_point(point, -sign, back, model, parameters, out)
+                force[i] += _dot(slopes.edges[c, which, i], change)
+    _acting(c, work, acts)
+    _spread(c, 0, scale * first, acts, model, parameters, work, out)
+    _spread(c, 1, scale * second, acts, model, parameters, work, out)
+
+
+@njit(cache=True, error_model="numpy")
+def _pull_patch(c, scale, vector, values, model, parameters, work, slopes, out):
+    """out += the transpose of `_push_patch`, times scale: of a vector (3,) on the force, and of values (3 n_free,)."""
+    if work.side[c] != EDGED:
+        return
+    back, moves = np.empty(3), np.empty(2)
+    _lean_owes(c, values, model, parameters, work, moves)
+    for which in (0, 1, POINT):
+        for j in range(3):
+            back[j] = moves[0] * slopes.lean[c, 0, which, j] + moves[1] * slopes.lean[c, 1, which, j]
+            if which != POINT:
+                for i in range(3):
+                    back[j] += slopes.edges[c, which, i, j] * vector[i]
+        _spread(c, which, scale, back, model, parameters, work, out)
+
+
+@njit(cache=True, error_model="numpy")
+def _acting(c, work, force):
+    """force (3,) [N] <- that of a candidate."""
+    row = work.contact[c]
+    for i in range(3):
+        force[i] = row[PRESSURE] * row[NORMAL + i] + row[TRACTION + i]
+
+
+@njit(cache=True, error_model="numpy")
+def _lean_owes(c, values, model, parameters, work, moves):
+    """moves (2,) [N m] <- what values (3 n_free,) make of the force's moving along each edge of its patch."""
+    force, change = np.empty(3), np.empty(3)
+    _acting(c, work, force)
+    for which in range(2):
+        _collect(c, which, values, model, parameters, work, change)
+        moves[which] = _dot(force, change)
 
 
 @njit(cache=True, error_model="numpy")
@@ -150,16 +179,16 @@ def _apply(transposed, x, inertia, model, parameters, count, v, work, slopes, ou
     moved, force = np.empty(3), np.empty(3)
     for c in range(count):
         if work.state[c] != OPEN:
-            _collect(c, v, model, parameters, work, moved)
             if transposed:
+                _collect(c, ACTING, v, model, parameters, work, moved)
                 _times_transposed(slopes.place[c], 3, moved, force)
-                _spread_by_edges(c, -1.0, moved, model, parameters, work, slopes, out)
+                _pull_patch(c, -1.0, moved, v, model, parameters, work, slopes, out)
+                _spread(c, POINT, -1.0, force, model, parameters, work, out)
             else:
+                _collect(c, POINT, v, model, parameters, work, moved)
                 _times(slopes.place[c], 0, moved, force)
-                _add_by_edges(c, v, model, parameters, work, slopes, force)
-            for i in range(3):
-                force[i] = -force[i]
-            _spread(c, force, model, parameters, work, out)
+                _push_patch(c, -1.0, v, model, parameters, work, slopes, force, out)
+                _spread(c, ACTING, -1.0, force, model, parameters, work, out)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -209,8 +238,8 @@ def begin_back(model, parameters, dt, count, owed, work, slopes):
             seed[i] = owed.force[point, tool, i] - owed.tool_force[tool, i]
             seed[3 + i] = owed.anchor[point, tool, i]
         _times_transposed(slopes.place[c], 6, seed, back)
-        _spread(c, back, model, parameters, work, right)
-        _spread_by_edges(c, 1.0, seed, model, parameters, work, slopes, right)
+        _spread(c, POINT, 1.0, back, model, parameters, work, right)
+        _pull_patch(c, 1.0, seed, slopes.zero, model, parameters, work, slopes, right)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -228,9 +257,14 @@ def finish_back(model, parameters, dt, count, owed, work, slopes):
     owed.young[0] -= dot(w, slopes.inner)
     for c in range(count):
         if work.state[c] != OPEN:
-            _collect(c, w, model, parameters, work, y)
+            _collect(c, ACTING, w, model, parameters, work, y)
             for i in range(3):
                 slopes.seed[c, i] += y[i]
+            if work.side[c] == EDGED:
+                _lean_owes(c, w, model, parameters, work, y)
+                for i in range(3):
+                    by_place = y[0] * slopes.lean[c, 0, POINT, i] + y[1] * slopes.lean[c, 1, POINT, i]
+                    owed.tool_end[work.pair[c, 1], i] -= by_place
             _pull_contact(c, model, parameters, owed, work, slopes)
             if work.side[c] == SWEPT:
                 _pull_met(c, model, parameters, dt, owed, work, slopes)
@@ -279,7 +313,7 @@ def _pull_met(c, model, parameters, dt, owed, work, slopes):
 @njit(cache=True, error_model="numpy", nogil=True)
 def begin_forward(model, parameters, dt, count, change, work, slopes):
     """slopes.right and seeds <- the right side of eq. (4), of a change of a step's start, of tools and of numbers."""
-    inertia, right = 1.0 / (dt * dt), slopes.right
+    inertia, right, force = 1.0 / (dt * dt), slopes.right, np.empty(3)
     for node in range(len(model.order)):
         place = 3 * model.order[node]
         if place >= 0:
@@ -291,7 +325,12 @@ def begin_forward(model, parameters, dt, count, change, work, slopes):
             _push_contact(c, model, parameters, change, work, slopes)
             if work.side[c] == SWEPT:
                 _push_met(c, model, parameters, dt, change, work, slopes)
-            _spread(c, slopes.seed[c], model, parameters, work, right)
+            _spread(c, ACTING, 1.0, slopes.seed[c], model, parameters, work, right)
+            if work.side[c] == EDGED:
+                _acting(c, work, force)
+                for which in range(2):
+                    moved = -_dot(slopes.lean[c, which, POINT], change.tool_end[work.pair[c, 1]])
+                    _spread(c, which, moved, force, model, parameters, work, right)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -315,9 +354,9 @@ def finish_forward(model, parameters, dt, count, change, work, slopes):
         if work.state[c] == OPEN:
             continue
         point, tool, seed = work.pair[c, 0], work.pair[c, 1], slopes.seed[c]
-        _collect(c, w, model, parameters, work, moved)
+        _collect(c, POINT, w, model, parameters, work, moved)
         _times(slopes.place[c], 0, moved, force)
-        _add_by_edges(c, w, model, parameters, work, slopes, force)
+        _push_patch(c, 0.0, w, model, parameters, work, slopes, force, slopes.d)
         _times(slopes.place[c], 3, moved, anchor)
         for i in range(3):
             change.force[point, tool, i] = seed[i] + force[i]

@@ -45,7 +45,7 @@ def find_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
         row[lane + EIGHT * GRADE] = 1.0
         if not met and u[0] * u[0] + u[1] * u[1] + u[2] * u[2] > 0.0:
             point = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
-            depth, grade, mx, my, mz = patch_press(kind, shape, place, turn, point, u, v, 0.0)
+            depth, grade, mx, my, mz, _, _ = patch_press(kind, shape, place, turn, point, u, v, 0.0)
             gap = max(gap, _JUST)
             if depth > 0.0:
                 row[lane + EIGHT * GRADE] = grade

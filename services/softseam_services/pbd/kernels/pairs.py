@@ -134,7 +134,7 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
     softness, lags, force = parameters.point_give, parameters.point_lag, state.force
     found = contacts.found
     kind, shape, point_x = parameters.kind[tool], parameters.shape[tool], contacts.point_x
-    place, turn = three(inputs.position, tool), four(inputs.orientation, tool)
+    place, turn, places = three(inputs.position, tool), four(inputs.orientation, tool), parameters.places[tool]
     # Cheap: outside the ball around the tool there is nothing to touch.
     reach = (margin + parameters.reach[tool]) ** 2
     for point in range(len(point_x)):
@@ -150,11 +150,11 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
             continue
         gap, nx, ny, nz = tool_gap(kind, shape, place, turn, x)
         grade = 1.0
-        if parameters.edged[tool] and point >= model.n_surface:
+        if parameters.places[tool] > 0 and point >= model.n_surface:
             gap -= NEAR * parameters.margin
             if gap < margin:
                 patch = contacts.patch[point]
-                depth, grade, nx, ny, nz = patch_press(kind, shape, place, turn, x, patch[0], patch[1], 0.0)
+                depth, grade, nx, ny, nz, _, _ = patch_press(kind, shape, place, turn, x, patch[0], patch[1], 0.0, places)
                 gap = -depth / grade if depth > 0.0 else max(0.0, gap)
         if gap >= margin and not carried:
             state.steady[point, tool] = 0.0
@@ -201,7 +201,7 @@ def _add_pair(model, parameters, state, contacts, tool, point, hh, first_open, n
         rows[group, EDGED] = 1
         row[EIGHT * SOFT + lane], row[EIGHT * LAG + lane] = yields, contacts.found[point, 3]
     row[EIGHT * GRADE + lane] = 1.0
-    if parameters.edged[tool] and point >= model.n_surface:
+    if parameters.places[tool] > 0 and point >= model.n_surface:
         for c in range(3):
             row[EIGHT * (PATCH + c) + lane] = contacts.patch[point, 0, c]
             row[EIGHT * (PATCH + 3 + c) + lane] = contacts.patch[point, 1, c]

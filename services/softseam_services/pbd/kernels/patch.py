@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from softseam_services.jit import njit
-from softseam_services.tools.face_points import PATCHES
+from softseam_services.tools.edged import PATCHES
 
 from .pairs import follow
 
@@ -14,7 +14,7 @@ def find_patches(model, parameters, x, patch):
 
     Points inside faces come face by face, and their neighbours are a patch's edge away.
     """
-    if not parameters.edged.any():
+    if not parameters.places.any():
         return
     indptr, node, weight, first = model.indptr, model.node, parameters.weight, model.n_surface
     for point in range(first, len(patch)):

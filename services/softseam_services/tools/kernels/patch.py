@@ -32,8 +32,6 @@ LIGHT = 2.5
 """the same of a patch that hardly touches what is round"""
 SAG, WIDE = 0.08, 6.0
 """of eq. (1)"""
-PLACES = 3
-"""along each edge of a patch"""
 _NO_FORCE = 1e-300
 """times a compliance [m]"""
 
@@ -74,17 +72,18 @@ def bent(kind, orientation, nx, ny, nz):
 
 
 @njit(cache=True, error_model="numpy")
-def patch_press(kind, shape, position, orientation, point, u, v, sag):
+def patch_press(kind, shape, position, orientation, point, u, v, sag, places):
     """Eq. (2) over r of the patch of middle (3,) and edges u, v (3,): F [m], its slope [1] and its direction.
 
     F is minus the least gap where the tool does not reach it; then the direction is that of the middle.
     """
     least = np.inf
+    ux = uy = uz = vx = vy = vz = 0.0
     fx = fy = fz = xx = xy = xz = yy = yz = zz = 0.0
-    for i in range(PLACES):
-        s = (2 * i + 1.0 - PLACES) / (2.0 * PLACES)
-        for j in range(PLACES):
-            t = (2 * j + 1.0 - PLACES) / (2.0 * PLACES)
+    for i in range(places):
+        s = (2 * i + 1.0 - places) / (2.0 * places)
+        for j in range(places):
+            t = (2 * j + 1.0 - places) / (2.0 * places)
             at = (
                 point[0] + s * u[0] + t * v[0],
                 point[1] + s * u[1] + t * v[1],
@@ -98,15 +97,18 @@ def patch_press(kind, shape, position, orientation, point, u, v, sag):
                 if here > 0.0:
                     f, k = press(f, here)
                 fx, fy, fz = fx + f * nx, fy + f * ny, fz + f * nz
+                ux, uy, uz = ux + s * f * nx, uy + s * f * ny, uz + s * f * nz
+                vx, vy, vz = vx + t * f * nx, vy + t * f * ny, vz + t * f * nz
                 xx, xy, xz = xx + k * nx * nx, xy + k * nx * ny, xz + k * nx * nz
                 yy, yz, zz = yy + k * ny * ny, yz + k * ny * nz, zz + k * nz * nz
     size = np.sqrt(fx * fx + fy * fy + fz * fz)
     if size == 0.0:
         _, nx, ny, nz = tool_gap(kind, shape, position, orientation, point)
-        return -max(least, 0.0), 1.0, nx, ny, nz
+        return -max(least, 0.0), 1.0, nx, ny, nz, 0.0, 0.0
     nx, ny, nz = fx / size, fy / size, fz / size
     k = nx * (xx * nx + 2.0 * (xy * ny + xz * nz)) + ny * (yy * ny + 2.0 * yz * nz) + zz * nz * nz
-    return size / PLACES**2, k / PLACES**2, nx, ny, nz
+    a, b = (ux * nx + uy * ny + uz * nz) / size, (vx * nx + vy * ny + vz * nz) / size
+    return size / places**2, k / places**2, nx, ny, nz, a, b
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
