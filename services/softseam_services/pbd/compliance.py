@@ -125,6 +125,7 @@ class SeamProbe:
         self._model, self._parameters = model, parameters
         self._arrays = model.arrays._replace(
             blocks=nodes,
+            n_surface=int(np.count_nonzero(self._used < model.n_surface)),
             seam=number[model.seam],
             indptr=indptr,
             node=number[model.node[kept]],
@@ -140,6 +141,7 @@ class SeamProbe:
             softness=block_softness(nodes, own),
             constants=numbers.constants,
             weight=parameters.weight[kept],
+            tilt=parameters.tilt[kept],
             point_softness=parameters.point_softness[self._used],
             point_give=parameters.point_give[self._used],
             point_lag=parameters.point_lag[self._used],

@@ -53,6 +53,8 @@ class PbdParameters:
     """8 times the largest inverse mass of each block's nodes (b, 4) [1/kg]"""
     weight: Floats
     """of the nodes that points follow, see `point_weights` (entries,)"""
+    tilt: Floats
+    """how each weight changes on a point's patch, see `FacePoints.tilt` (entries, 2)"""
     point_softness: Floats
     """sum of w_i N_i^2 of each point (p,) [1/kg]"""
     point_give: Floats
@@ -119,6 +121,7 @@ class PbdParameters:
             law=blocks.law,
             kappa=KAPPA,
             weight=self.weight,
+            tilt=self.tilt,
             point_softness=self.point_softness,
             point_give=self.point_give,
             point_lag=self.point_lag,
@@ -157,6 +160,7 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
     x_rest = np.ascontiguousarray(body.x_rest[region.nodes])
     points = find_points(body, region, tools, model.levels.coarse)
     _, _, weight = model.levels.rows(*points.rows)
+    tilt = [model.levels.rows(*points.rows[:2], np.ascontiguousarray(along))[2] for along in points.tilt.T]
     frequency = highest_frequency(
         *(new_workspace(), x_rest, inverse_mass, model.blocks.nodes),
         *(blocks.volume, blocks.constants, blocks.law, blocks.padding_x),
@@ -173,6 +177,7 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         inverse_mass=inverse_mass,
         softness=block_softness(model.blocks.nodes, inverse_mass),
         weight=weight,
+        tilt=np.stack(tilt, axis=1),
         point_softness=np.add.reduceat(weight**2 * inverse_mass[model.node], model.indptr[:-1])
         if len(weight)
         else np.zeros(0),

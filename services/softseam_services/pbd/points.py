@@ -35,6 +35,8 @@ class Points(NamedTuple):
 
     rows: Rows
     """which nodes each follows, as of `point_weights`"""
+    tilt: Floats
+    """as of `FacePoints`, 0 on the surface (entries, 2)"""
     touches: Mask
     """(p, t)"""
     give: Floats
@@ -59,7 +61,7 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
     between = pressing_between(tools, body) & ~_thin_discs(tools, body)
     if not between.any():
         visits = _by_colours(body, region, indptr, node)
-        return Points((indptr, node, weight), touches, give, lag, visits)
+        return Points((indptr, node, weight), np.zeros((len(weight), 2)), touches, give, lag, visits)
     inner = face_points(body, region, outer_faces(body, region), "hex8")
     h = inner.edge[inner.face] * np.where(coarse[inner.cell], 1.0, 0.5)  # of blocks
     touches &= ~(between & np.isin(node, inner.node)[:, None])
@@ -69,6 +71,7 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
             np.concatenate([node, inner.node]),
             np.concatenate([weight, inner.weight]),
         ),
+        np.concatenate([np.zeros((len(weight), 2)), inner.tilt]),
         np.concatenate([touches, np.tile(between, (len(inner.cell), 1))]),
         np.concatenate([give, h / (DENSE * _young(body, region, inner) * inner.area)]),
         np.concatenate([lag, (1.0 - LIGHT / DENSE) * tools.bends * _sag(tools.half_width, h[:, None])]),

@@ -248,6 +248,7 @@ def project_contacts(model, parameters, contacts, xw, hh):
     for tool in range(len(kind)):
         tool_kind, tool_shape = kind[tool], shape[tool]
         place, turn = three(position, tool), four(orientation, tool)
+        places = parameters.places[tool]
         forth, slow = twelve(motion, 0, tool), SLOW * parameters.reach[tool]
         newer = lends if tool_kind == PLANE else alone
         reached = steepness(tool_kind) * (way + contacts.travel[tool])
@@ -258,10 +259,10 @@ def project_contacts(model, parameters, contacts, xw, hh):
             if clear[group] > -np.inf:
                 clear[group] = -np.inf
                 _begin_group(model, parameters, contacts, contacts.before, tool, group, np.sqrt(hh))
-            place_group(group, X, rows, indptr, node, weight, xw, pairs)
+            place_group(group, X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
             row = pairs[group]
             if rows[group, EDGED]:
-                find_all_gaps(row, rows, group, tool_kind, tool_shape, place, turn, forth, slow)
+                find_all_gaps(row, rows, group, tool_kind, tool_shape, places, place, turn, forth, slow)
                 if _is_open(row):
                     continue
                 solve_softly(row, forth, hh, alone)
@@ -270,9 +271,9 @@ def project_contacts(model, parameters, contacts, xw, hh):
             elif faces(tool_kind, tool_shape):
                 solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, forth, hh, newer)
             else:
-                find_gaps(row, rows, group, tool_kind, tool_shape, place, turn, forth, slow)
+                find_gaps(row, rows, group, tool_kind, tool_shape, places, place, turn, forth, slow)
                 solve_at_gaps(row, forth, hh, newer)
-            move_group(group, rows, indptr, node, weight, hh, pairs, xw)
+            move_group(group, rows, indptr, node, weight, parameters.tilt, hh, pairs, xw)
 
 
 @njit(cache=True, error_model="numpy")
@@ -282,7 +283,7 @@ def _begin_group(model, parameters, contacts, xw, tool, group, h):
     indptr, node, weight, kind, shape = model.indptr, model.node, parameters.weight, parameters.kind, parameters.shape
     rows, pairs = contacts.rows, contacts.pairs
     place, turn = three(contacts.position[0], tool), four(contacts.orientation[0], tool)
-    place_group(group, BEFORE, rows, indptr, node, weight, xw, pairs)
+    place_group(group, BEFORE, rows, indptr, node, weight, parameters.tilt, xw, pairs)
     row = pairs[group]
     if faces(kind[tool], shape[tool]):
         a, b, c = three(shape, tool)
@@ -291,8 +292,8 @@ def _begin_group(model, parameters, contacts, xw, tool, group, h):
         for entry in range(3 * EIGHT):
             row[EIGHT * HELD + entry] = row[EIGHT * FORCE + entry]
     if rows[group, DEEP]:
-        place_group(group, X, rows, indptr, node, weight, xw, pairs)
-        find_all_gaps(row, rows, group, kind[tool], shape[tool], place, turn, STILL, np.inf)
+        place_group(group, X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
+        find_all_gaps(row, rows, group, kind[tool], shape[tool], parameters.places[tool], place, turn, STILL, np.inf)
         for lane in range(EIGHT):
             if row[lane + EIGHT * DEPTH] > 0.0:
                 old = _pressed(row, lane)
@@ -353,5 +354,5 @@ def account_pairs(model, parameters, contacts, xw, share):
         for group in range(start[tool], start[tool + 1]):
             if clear[group] > -np.inf:
                 continue
-            place_group(group, X, rows, indptr, node, weight, xw, pairs)
+            place_group(group, X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
             _account_lanes(pairs[group], place, share)

@@ -12,7 +12,7 @@ from softseam_services.tools.kernels import patch_press, rotate, rotate_back, sw
 
 from .faced import faced_gap, faces
 from .lanes import batch_kernel
-from .pairs import BEFORE, EIGHT, GAP, GRADE, PATCH, POINT
+from .pairs import BEFORE, EIGHT, GAP, GRADE, LEAN, PATCH, POINT
 
 _JUST = 1e-12
 """gap of a patch that no tool reaches, though its middle is inside one [m]"""
@@ -34,7 +34,7 @@ def _swept(row, lane, kind, shape, place, turn, motion, slow):
 
 
 @njit(cache=True, error_model="numpy")
-def find_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
+def find_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow):
     """GAP of a group's points to a tool of any kind."""
     for lane in range(EIGHT):
         if rows[group, POINT + lane] < 0:
@@ -44,8 +44,13 @@ def find_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
         v = row[lane + EIGHT * (PATCH + 3)], row[lane + EIGHT * (PATCH + 4)], row[lane + EIGHT * (PATCH + 5)]
         row[lane + EIGHT * GRADE] = 1.0
         if not met and u[0] * u[0] + u[1] * u[1] + u[2] * u[2] > 0.0:
-            point = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
-            depth, grade, mx, my, mz, _, _ = patch_press(kind, shape, place, turn, point, u, v, 0.0)
+            s, t = row[lane + EIGHT * LEAN], row[lane + EIGHT * (LEAN + 1)]
+            middle = (
+                row[lane] - s * u[0] - t * v[0],
+                row[lane + EIGHT] - s * u[1] - t * v[1],
+                row[lane + 2 * EIGHT] - s * u[2] - t * v[2],
+            )
+            depth, grade, mx, my, mz, _, _ = patch_press(kind, shape, place, turn, middle, u, v, 0.0, places)
             gap = max(gap, _JUST)
             if depth > 0.0:
                 row[lane + EIGHT * GRADE] = grade
@@ -84,11 +89,11 @@ def find_box_gaps(row, a, b, c, place, turn):
 
 
 @njit(cache=True, error_model="numpy")
-def find_all_gaps(row, rows, group, kind, shape, place, turn, motion, slow):
+def find_all_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow):
     """GAP of a group's points to a tool: to a box with sharp edges as of `faced_gap`."""
     if kind == PLANE:
         find_plane_gaps(row, rotate(turn, shape[0], shape[1], shape[2]), place)
     elif faces(kind, shape):
         find_box_gaps(row, shape[0], shape[1], shape[2], place, turn)
     else:
-        find_gaps(row, rows, group, kind, shape, place, turn, motion, slow)
+        find_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow)

@@ -3,7 +3,7 @@
 A group is eight pairs of one tool whose points share no node, so that they can be solved at once; pairs that do share
 nodes keep their order. A row of `pairs` (g, N_COLUMNS * EIGHT) holds all that the substeps need of a group, column c of
 a lane at 8 c + lane:
-X           3  position of the point [m]
+X           3  position of the point, or of where on its patch the force acts [m]
 W           1  inverse mass, where the point is a node [1/kg]
 BEFORE      4  X and W at the start of the substep
 FORCE       3  force of the tool on the point [N], carried from substep to substep
@@ -25,6 +25,7 @@ HELD        3  FORCE at the start of the substep, in groups with such points [N]
 STEADY      2  pressure with a memory, by which friction is bounded, and how far friction went beyond the pressure [N]
 GRADE       1  slope of eq. (2) of tools/kernels/patch.py, 1 where that is not looked at
 PATCH       6  edges of the point's patch under a tool with edges, else 0 [m]
+LEAN        2  where on it the force acts, in its edges from the middle, as it was when the step began [1]
 LAG         1  how much farther a point that is pressed firmly is inside for the tool's being round [m]
 FACED       3  outward normal, in a box's frame, of the side that the point faced when the substep began, 0 where it
                faced none
@@ -47,10 +48,10 @@ EIGHT = 2 * LANES
 """lanes of a group: with four the compiler would write the short loops out, number by number"""
 
 X, W, BEFORE, FORCE, ALLOWED, FRICTION, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 13, 15, 18, 21, 24
-WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, LAG, GRADE, PATCH = (
-    27, 28, 29, 33, 36, 37, 38, 41, 43, 46, 47, 48,
+WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, LAG, GRADE, PATCH, LEAN = (
+    27, 28, 29, 33, 36, 37, 38, 41, 43, 46, 47, 48, 54,
 )  # fmt: skip
-N_COLUMNS = 54
+N_COLUMNS = 56
 WIDTH = N_COLUMNS * EIGHT
 POINT, NODE, DIRECT, DEEP, EDGED = 0, 8, 16, 17, 18
 N_ROWS = 19
@@ -104,6 +105,12 @@ def follow(begin, end, node, weight, x):
     return px, py, pz
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def acting_weight(entry, weight, tilt, first, second):
+    """Weight of a node at the place of a point's patch where its force acts."""
+    return weight[entry] + first * tilt[entry, 0] + second * tilt[entry, 1]
+
+
 @njit(cache=True, error_model="numpy")
 def place_points(model, parameters, xw, point_x):
     """Positions of the surface points, updated in place (p, 3) [m]."""
@@ -132,13 +139,14 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
 
     Under tools that go by LAG is 0: other patches would be pressed then, and cut into what yields more."""
     softness, lags, force = parameters.point_give, parameters.point_lag, state.force
-    found = contacts.found
+    found, lean = contacts.found, contacts.lean
     kind, shape, point_x = parameters.kind[tool], parameters.shape[tool], contacts.point_x
     place, turn, places = three(inputs.position, tool), four(inputs.orientation, tool), parameters.places[tool]
     # Cheap: outside the ball around the tool there is nothing to touch.
     reach = (margin + parameters.reach[tool]) ** 2
     for point in range(len(point_x)):
         found[point, 2] = NOT_FOUND
+        lean[point, tool, 0] = lean[point, tool, 1] = 0.0
         if not model.touches[point, tool]:
             continue
         x = three(point_x, point)
@@ -154,7 +162,9 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
             gap -= NEAR * parameters.margin
             if gap < margin:
                 patch = contacts.patch[point]
-                depth, grade, nx, ny, nz, _, _ = patch_press(kind, shape, place, turn, x, patch[0], patch[1], 0.0, places)
+                depth, grade, nx, ny, nz, lean[point, tool, 0], lean[point, tool, 1] = patch_press(
+                    *(kind, shape, place, turn, x, patch[0], patch[1], 0.0, places)
+                )
                 gap = -depth / grade if depth > 0.0 else max(0.0, gap)
         if gap >= margin and not carried:
             state.steady[point, tool] = 0.0
@@ -193,8 +203,7 @@ def _add_pair(model, parameters, state, contacts, tool, point, hh, first_open, n
     if end != first + 1 or weight[first] != 1.0:
         rows[group, DIRECT] = 0
     row = pairs[group]
-    give = hh * parameters.point_softness[point]
-    row[EIGHT * GIVE + lane], row[EIGHT * (GIVE + 1) + lane] = give, 1.0 / give if give > 0.0 else 0.0
+    give = parameters.point_softness[point]
     row[EIGHT * FRICTION + lane] = parameters.friction[tool] * parameters.friction_factor[point]
     yields = parameters.point_give[point]
     if yields > 0.0:
@@ -205,6 +214,13 @@ def _add_pair(model, parameters, state, contacts, tool, point, hh, first_open, n
         for c in range(3):
             row[EIGHT * (PATCH + c) + lane] = contacts.patch[point, 0, c]
             row[EIGHT * (PATCH + 3 + c) + lane] = contacts.patch[point, 1, c]
+        s, t = contacts.lean[point, tool, 0], contacts.lean[point, tool, 1]
+        row[EIGHT * LEAN + lane], row[EIGHT * (LEAN + 1) + lane] = s, t
+        give = 0.0
+        for entry in range(first, end):
+            give += parameters.inverse_mass[node[entry]] * acting_weight(entry, weight, parameters.tilt, s, t) ** 2
+    give *= hh
+    row[EIGHT * GIVE + lane], row[EIGHT * (GIVE + 1) + lane] = give, 1.0 / give if give > 0.0 else 0.0
     if depth > DEEPEST_ROUNDOFF:
         row[EIGHT * DEPTH + lane] = depth
         rows[group, DEEP] = 1
@@ -248,7 +264,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def place_group(group, column, rows, indptr, node, weight, xw, pairs):
+def place_group(group, column, rows, indptr, node, weight, tilt, xw, pairs):
     """X (column X, or BEFORE), and W where points are nodes, from xw (n + 8, 4)."""
     if rows[group, DIRECT]:
         for half in range(0, EIGHT, LANES):
@@ -270,12 +286,17 @@ def place_group(group, column, rows, indptr, node, weight, xw, pairs):
         point = rows[group, POINT + lane]
         if point >= 0:
             x, y, z = follow(indptr[point], indptr[point + 1], node, weight, xw)
+            s, t = pairs[group, EIGHT * LEAN + lane], pairs[group, EIGHT * (LEAN + 1) + lane]
+            if s != 0.0 or t != 0.0:
+                for entry in range(indptr[point], indptr[point + 1]):
+                    i, n = node[entry], s * tilt[entry, 0] + t * tilt[entry, 1]
+                    x, y, z = x + n * xw[i, 0], y + n * xw[i, 1], z + n * xw[i, 2]
             at = EIGHT * column + lane
             pairs[group, at], pairs[group, at + EIGHT], pairs[group, at + 2 * EIGHT] = x, y, z
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def move_group(group, rows, indptr, node, weight, hh, pairs, xw):
+def move_group(group, rows, indptr, node, weight, tilt, hh, pairs, xw):
     """x_i += h^2 w_i N_i CHANGE; where points are nodes, X has moved already."""
     if rows[group, DIRECT]:
         for half in range(0, EIGHT, LANES):
@@ -299,9 +320,10 @@ def move_group(group, rows, indptr, node, weight, hh, pairs, xw):
             dx = pairs[group, EIGHT * CHANGE + lane]
             dy = pairs[group, EIGHT * (CHANGE + 1) + lane]
             dz = pairs[group, EIGHT * (CHANGE + 2) + lane]
+            s, t = pairs[group, EIGHT * LEAN + lane], pairs[group, EIGHT * (LEAN + 1) + lane]
             for entry in range(indptr[point], indptr[point + 1]):
                 i = node[entry]
-                step = hh * xw[i, 3] * weight[entry]
+                step = hh * xw[i, 3] * acting_weight(entry, weight, tilt, s, t)
                 xw[i, 0] += step * dx
                 xw[i, 1] += step * dy
                 xw[i, 2] += step * dz

@@ -18,7 +18,7 @@ from .damping import damping_share, note_shapes
 from .hanging import follow
 from .hold import find_held_blocks
 from .monitor import batch_residuals, residual
-from .pairs import find_pairs, look_ahead, place_points, store_pairs
+from .pairs import acting_weight, find_pairs, look_ahead, place_points, store_pairs
 from .relax import relax
 from .summary import LEAST_J, RESIDUAL, SEAM_WORK, STRAIN, STRETCH, TOOL_WORK, summarise
 from .sweep import batch_energies, block_forces, strain_energy
@@ -30,19 +30,21 @@ LEAST, LEAST_BATCHES = 256, 8
 
 
 @njit(cache=True, error_model="numpy")
-def carried(model, parameters, state, xw, pull):
+def carried(model, parameters, state, lean, xw, pull):
     """A of eq. (1) from the blocks' forces in pull (n + 8, 4) [N], updated in place, and the contacts', into state.a.
 
     Once a step: added up over the substeps alone, the roundings of (x - x*)/h^2 grow into a force on the whole body.
     """
-    indptr, node, weight, force, a = model.indptr, model.node, parameters.weight, state.force, state.a
+    indptr, node, weight, tilt = model.indptr, model.node, parameters.weight, parameters.tilt
+    force, a = state.force, state.a
     for point in range(len(force)):
         for tool in range(force.shape[1]):
+            s, t = lean[point, tool, 0], lean[point, tool, 1]
             for c in range(3):
                 f = force[point, tool, c]
                 if f != 0.0:
                     for entry in range(indptr[point], indptr[point + 1]):
-                        pull[node[entry], c] += weight[entry] * f
+                        pull[node[entry], c] += acting_weight(entry, weight, tilt, s, t) * f
     for i in range(len(a)):
         for c in range(3):
             a[i, c] = xw[i, 3] * pull[i, c]
@@ -136,7 +138,7 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
         before, stretch = before + n_batches, stretch + 1
     if worker == 0:
         wait_for(team, before)
-        carried(model, parameters, state, xw, pull)
+        carried(model, parameters, state, contacts.lean, xw, pull)
         done(team, worker, 1)
     before += 1
     for substep in range(n_substeps):
