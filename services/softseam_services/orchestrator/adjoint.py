@@ -34,6 +34,7 @@ from softseam_services.fem.state import FemState
 from softseam_services.fem.structures import build_tables
 from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.fem.work import Work, build_work
+from softseam_services.tools.edged import with_round_edges
 from softseam_services.tools.tool_set import ToolSet
 
 _CROSSINGS = 1e3
@@ -52,7 +53,7 @@ class Adjoint:
         self.model, self.parameters = build_tables(body, self.region, tools, scene.models.fem)
         self.work: Work = build_work(self.model, self.parameters, len(tools.names))
         self._scheme = Scheme(IMPLICIT_EULER, np.ones(1), 0)
-        self._whole, self._friction = at_rest(tools), tools.friction
+        self._whole, self._friction = at_rest(with_round_edges(tools, body)), tools.friction
         self._dt = _CROSSINGS * float(np.linalg.norm(np.ptp(body.x_rest, axis=0))) / body.wave_speed
         self._history, n_tools = np.zeros((0, body.n_nodes, 3)), len(tools.names)
         self._settings = NewtonSettings(1.0, 0, False)
@@ -105,7 +106,9 @@ class Adjoint:
         g = np.zeros((len(model.order), 3))
         count = np.diff(model.point_ptr)[points]
         entry = np.repeat(model.point_ptr[points] - np.cumsum(count) + count, count) + np.arange(count.sum())
-        np.add.at(g, model.point_node[entry], parameters.point_weight[entry][:, None] * np.repeat(force, count, axis=0))
+        lean = np.repeat(work.lean[pairs], count, axis=0)
+        weight = parameters.point_weight[entry] + np.sum(lean * parameters.point_tilt[entry], axis=1)
+        np.add.at(g, model.point_node[entry], weight[:, None] * np.repeat(force, count, axis=0))
         return g
 
     def forces(self) -> Floats:

@@ -6,7 +6,6 @@ import numpy as np
 
 from softseam_protocol.scene.parts import BoxPart
 from softseam_protocol.scene.tools import BoxTool
-from softseam_services.body.body import Floats
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX
 from softseam_services.shapes.geometry import Geometry, Sameness
