@@ -45,7 +45,7 @@ class BodyTurn:
 
     def __init__(self) -> None:
         self._sums, self._change = np.full(N_SUMS, np.nan), np.zeros(_N_CHANGE)
-        self._turns, self._aloft = False, True
+        self._turns, self._falls = False, False
 
     def start(self, scene: Scene, meshes: Iterable[PartMesh | None], state: BodyState, dt: float) -> None:
         """The parts begin with this state of the whole body, with steps of dt [s]."""
@@ -57,7 +57,7 @@ class BodyTurn:
         self._sums = np.zeros(N_SUMS)
         for part in known:
             self._sums += sums_of(part.mass, state.x[part.nodes], state.v[part.nodes])
-        self._turns = self._is_turning(dt)
+        self._turns, self._falls = self._is_turning(dt), any(scene.gravity)
 
     def _is_turning(self, dt: float) -> bool:
         return bool(np.isfinite(self._sums[MASS]) and dt * rate_of(self._sums) > LEAST_TURN)
@@ -84,14 +84,14 @@ class BodyTurn:
         self._sums = end = np.sum([reply.sums for reply in replies.values()], axis=0)
         mass = start[MASS]
         before, centre = start[PLACE:MOTION] / mass, end[PLACE:MOTION] / mass
-        self._aloft = self._aloft and not any(reply.wrench.any() for reply in replies.values())
-        if self._aloft:
+        self._falls = self._falls and not any(reply.wrench.any() for reply in replies.values())
+        if self._falls:
             self._turns = True
             told |= _falling(replies, models, centre, dt * gravity)
             end[ANGULAR:SECOND] += sum(
                 told[name].angular_momentum - one.angular_momentum for name, one in replies.items()
             )
-        if not (turns or self._aloft):
+        if not (turns or self._falls):
             return told
         push, torque = mass * gravity, np.zeros(3)
         for name, reply in replies.items():
@@ -123,14 +123,14 @@ class BodyTurn:
 
     def to_array(self) -> Floats:
         """All of it, for a snapshot."""
-        return np.concatenate([self._sums, self._change, [float(self._turns), float(self._aloft)]])
+        return np.concatenate([self._sums, self._change, [float(self._turns), float(self._falls)]])
 
     def take(self, array: Floats) -> None:
         """Continue from `to_array`. Raises ValueError where this is of something else."""
         if array.shape != (N_SUMS + _N_CHANGE + 2,):
             raise ValueError("it does not tell how the body turns")
         self._sums, self._change = array[:N_SUMS].copy(), array[N_SUMS:-2].copy()
-        self._turns, self._aloft = bool(array[-2]), bool(array[-1])
+        self._turns, self._falls = bool(array[-2]), bool(array[-1])
 
 
 def _keeps_momentum(scene: Scene) -> bool:
