@@ -19,6 +19,8 @@ _IDLE, _LONG = 30.0, 60.0
 """durations longer than both so many times the motion and this [s] are unlike a run that is watched"""
 _CRUSHING = 3.0
 """forces beyond so many times Young's modulus on the square of the body's largest extent squeeze it flat"""
+_TURNED = 0.3
+"""turn of a linear body beyond which it swells by a twentieth [rad]"""
 _OF_GRIP = ("grip_force", "compression")
 
 
@@ -27,7 +29,7 @@ def odd_motion(scene: Scene, size: float) -> list[str]:
 
     size  largest extent of the body [m]
     """
-    found = [*_never_gripped(scene), *_odd_length(scene)]
+    found = [*_never_gripped(scene), *_odd_length(scene), *_turned_linear(scene)]
     for number, phase in enumerate(scene.motion):
         key = f"motion.{number}"
         if isinstance(phase, TurnPhase):
@@ -63,6 +65,21 @@ def _odd_length(scene: Scene) -> list[str]:
     if scene.duration is None or motion is None or scene.duration <= max(_LONG, _IDLE * motion):
         return []
     return [f"duration: {scene.duration:.4g} s, but the motion is over after {motion:.3g} s; is it in s, not in ms?"]
+
+
+def _turned_linear(scene: Scene) -> list[str]:
+    """That a body turns whose law knows no turns: by itself, or between tools."""
+    if not isinstance(scene.body, BodySpec) or all(material.kind != "linear" for material in scene.body.materials):
+        return []
+    turns = [phase for phase in scene.motion if isinstance(phase, TurnPhase) and len(phase.tools) > 1]
+    spun = math.hypot(*scene.body.spin) * (expected_duration(scene) or 0.0)
+    angle = max([spun, *(math.hypot(*phase.turn) for phase in turns)])
+    if angle <= _TURNED:
+        return []
+    return [
+        f"body.material.kind: linear knows no turns: a body that turns by {angle:.2g} rad swells, and goes on turning "
+        "too slowly; take neo_hookean"
+    ]
 
 
 def _crushes(scene: Scene, key: str, phase: ClosePhase, size: float) -> list[str]:

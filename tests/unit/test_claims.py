@@ -213,6 +213,9 @@ def test_what_differs_by_more_than_itself_is_not_settled(grows: float) -> None:
     assert found["end"]["why"].startswith("not settled: 1000 mm here, 9000 mm with")
     nothing = claimed("lift_height", 0.0 * TIME, 0.0 * TIME)
     assert nothing["end"]["absolute"] == 0.0 and nothing["end"]["why"] == ""
+    blow = np.where(TIME < 0.25, 9.0, 0.4)
+    alike = claimed("table.force", blow, np.where(TIME < 0.25, 2.0, 0.4))["end"]["why"]
+    assert "0.4 N here, 0.4 N with" in alike and "steps, and it differs by 77 % on the way" in alike
 
 
 def test_every_quantity_has_a_claim_or_says_why_it_has_none() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -61,6 +62,24 @@ def test_a_session_that_is_stepped_by_hand_claims(block: str) -> None:
         session.restore(kept)
         with pytest.raises(softseam.BadInput, match=r"before restore\(\)"):
             session.claims()
+
+
+def test_what_steps_damp_of_a_bounce_stands_beside_the_claims(tmp_path: Path) -> None:
+    """An event each, with what to do."""
+    material = {"kind": "neo_hookean", "young": 1e5, "poisson": 0.3, "density": 1000.0}
+    body = {
+        "shape": {"kind": "block", "size": [0.04] * 3},
+        "cell": 0.02,
+        "material": material,
+        "position": [0, 0, 0.02],
+    }
+    tools = {"ground": {"kind": "plane"}}
+    scene: dict[str, Any] = {"softseam": 1, "name": "falls", "duration": 0.2, "body": body, "tools": tools}
+    file = tmp_path / "falls.yaml"
+    file.write_text(json.dumps(scene | {"regions": {"default": "fem"}, "quantities": ["sag"]}))
+    report = run(Wishes(str(file), estimate=True), Console(file=StringIO()))
+    (bounce,) = (event["message"] for event in report["events"] if event["kind"] == "damped")
+    assert report["claims"]["settled"] and "bounces too little; shorten the step" in bounce
 
 
 def test_what_is_known_well_is_no_event() -> None:

@@ -8,6 +8,8 @@ import pytest
 
 from softseam.odd_motion import odd_motion
 from softseam.odd_units import odd_units
+from softseam_protocol.scene.bodies import BodySpec
+from softseam_protocol.scene.motion import TurnPhase
 from softseam_protocol.scene.scene import Scene
 
 
@@ -144,3 +146,25 @@ def test_times_in_milliseconds_and_forces_in_millinewtons(changes: dict[str, Any
     """A block of 5 cm and 20 kPa is squeezed to half by some 50 N on a whole side."""
     told = odd_motion(gripped(**changes), 0.05)
     assert [text.startswith(words) for text in told] == [True] if words else not told
+
+
+@pytest.mark.parametrize(
+    ("kind", "spin", "turn", "told"),
+    [
+        ("linear", 9.0, 0.0, "body.material.kind: linear knows no turns: a body that turns by 4.5 rad"),
+        ("linear", 0.0, 1.0, "body.material.kind: linear knows no turns: a body that turns by 1 rad"),
+        ("linear", 0.1, 0.2, ""),
+        ("neo_hookean", 9.0, 1.0, ""),
+    ],
+)
+def test_turns_of_a_law_that_knows_none(kind: str, spin: float, turn: float, told: str) -> None:
+    """A free plate of it that spins lags by 1.6 of 9.5 rad within a second."""
+    held = gripped(duration=0.5)
+    assert isinstance(held.body, BodySpec)
+    material = held.body.material.model_copy(update={"kind": kind})
+    of = held.with_body(held.body.model_copy(update={"material": material, "spin": (0.0, 0.0, spin)}))
+    phases = (
+        [*held.motion, TurnPhase(tools=("left", "right"), turn=(0.0, 0.0, turn), speed=1.0)] if turn else held.motion
+    )
+    found = odd_motion(of.model_copy(update={"motion": tuple(phases)}), 0.05)
+    assert [text.startswith(told) for text in found] == [True] if told else not found

@@ -87,6 +87,13 @@ def test_a_sheet_that_cannot_be_is_refused(old: str, new: str, key: str, words: 
     assert words in error.problem
 
 
+def test_a_key_of_another_kind_is_no_key_that_is_meant() -> None:
+    """What is allowed is what a sheet has."""
+    error = refusal(SHEET.replace("stretch: 100", "stretch: 100\n  spin: [0, 0, 8]"))
+    assert error.key == "body.spin" and error.problem == "unknown key" and error.nearest == ""
+    assert "stretch" in error.allowed and "shape" not in error.allowed
+
+
 BLOCK = """softseam: 1
 name: block
 duration: 1

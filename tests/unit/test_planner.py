@@ -58,6 +58,16 @@ ALIKE = [configuration("dear", 10.0), configuration("cheap", 1.0), configuration
 """where to be sure of what the cheap one seems to be costs little"""
 
 
+def test_slip_that_is_next_to_nothing_is_no_promise() -> None:
+    """It errs relative to the tools' way: a run in which they touch nothing would be accurate."""
+    truth = {"slip": Truth(0.01 * FLAT, 1.0, 0.001)}
+    creeps = Reference(TIME, truth, {"slip": Part(0.0, 0.0, 1.0, 1.0, 0.0)}, (), "implicit_euler", True)
+    bench = Bench({})
+    with pytest.raises(NoPlan, match=r"promise nothing: slip is so little that .* ask for more"):
+        choose(Goal(tolerance=0.05), creeps, WANTED, bench)
+    assert not bench.asked
+
+
 def test_the_fastest_that_is_accurate_enough_is_chosen_and_dearer_ones_are_not_run() -> None:
     bench = Bench({"cheap": outcome(0.1, 0.2), "middle": outcome(1.0, 0.03)})
     plan = choose(Goal(tolerance=0.05), reference(), WANTED, bench)

@@ -196,6 +196,7 @@ _TOLD_BY_KIND = {
     EventKind.CREEP: "event: a body creeps",
     EventKind.FORCE: "event: a phase ends off its force",
     EventKind.ACCURACY: "event: the estimated error is too large",
+    EventKind.DAMPED: "event: steps damp a bounce or a swing",
     EventKind.ELEMENT: "event: the element is too stiff",
     EventKind.SOLVER: "a step was kept that had not converged",
 }

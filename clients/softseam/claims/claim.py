@@ -199,8 +199,10 @@ def _claim(
     unit, factor = shown_unit(name)
     for reading, read in READINGS.items():
         (value, late, beside), (there, _, _) = read(*measured(entry)), read(*measured(other))
-        told = f"{factor * value:.4g} {unit} here, {factor * there:.4g} {unit} with {longer} cells and steps"
         by_chance = 0.0 if is_nothing(name, abs(value)) and is_nothing(name, abs(there)) else OF_CURVE * off
+        told = f"{factor * value:.4g} {unit} here, {factor * there:.4g} {unit} with {longer} cells and steps"
+        if abs(value - there) < by_chance:
+            told += f", and {apart} on the way"
         claim = READ * own.claim(abs(value - there) + by_chance, max(abs(value), size), late)
         claim += own.beside * beside
         found[reading] = {"value": value} | _settled(name, claim, max(abs(value), NEXT_TO_NOTHING * size), told)

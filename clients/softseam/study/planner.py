@@ -18,7 +18,7 @@ import numpy as np
 from softseam.columns import unit_of
 from softseam.errors import SoftseamError
 from softseam.study.configurations import Configuration, Fem
-from softseam.study.errors import KNOWN, errors, sure
+from softseam.study.errors import KNOWN, errors, rms, sure
 from softseam.study.measure import Outcome
 from softseam.study.plan import Goal, Plan, Tried
 from softseam.study.prescribed import prescribed
@@ -43,6 +43,8 @@ WORST_REFERENCE = 0.75
 VAGUEST = 0.95
 """no plan is made where what counts is known worse than this share of the tolerance: next to nothing would be left for
 runs [1]"""
+_NOTHING = "a plan would promise nothing"
+_ASK_FOR_MORE = "ask for more, e.g. quantities: [grip_force, sag]"
 
 
 class NoPlan(SoftseamError):
@@ -56,7 +58,7 @@ def promised(scene: Scene, names: Iterable[str]) -> tuple[str, ...]:
     if found := tuple(name for name in asked if name not in given):
         return found
     told = "; ".join(f"{label(name)} ({given[name]})" for name in asked)
-    raise NoPlan(f"a plan would promise nothing: {told}; ask for more, e.g. quantities: [grip_force, sag]")
+    raise NoPlan(f"{_NOTHING}: {told}; {_ASK_FOR_MORE}")
 
 
 def counts_to(tolerance: float) -> float:
@@ -101,6 +103,10 @@ def choose(
             f"what is true is known to {known} only, too little to plan for {_percent(goal.tolerance)}: give more "
             "--minutes, or leave out the quantities that are not known better"
         )
+    counted = {name: reference.truth[name] for name in reference.counted}
+    if all(rms(true.values, reference.time) <= goal.tolerance * true.scale for true in counted.values()):
+        told = " and ".join(label(name) for name in counted)
+        raise NoPlan(f"{_NOTHING}: {told} is so little that a run in which nothing happens has it; {_ASK_FOR_MORE}")
     search = _Search(goal, reference, measure)
     for one, outcome in levels:
         search.take(one, outcome)

@@ -84,6 +84,6 @@ def _tagged(candidates: list[Any], tag: str | int) -> list[Any]:
             return False
         kind = candidate.model_fields.get("kind")
         by_key = str(tag).removesuffix(" phase") in candidate.model_fields and str(tag).endswith(" phase")
-        return by_key or (kind is not None and kind.default == tag)
+        return by_key or (kind is not None and (kind.default == tag or tag in typing.get_args(kind.annotation)))
 
     return [c for c in candidates if has(c)] or candidates

@@ -163,7 +163,7 @@ class SimulatedBody:
             goal = self.regions.goal_error(fields, position, orientation)
             self.errors.look(self._clock.time, self.regions.sides, fields, goal)
         if done and (swings := self.losses.swings):
-            self._tell("accuracy", f"step {self._clock.step - 1}: {swings}")
+            self._tell("damped", f"step {self._clock.step - 1}: {swings}")
         estimate = self.errors.estimate() if done else None
         return None if estimate is None else self._with_losses(estimate)
 
@@ -190,7 +190,7 @@ class SimulatedBody:
         touches = any(bool(reply.wrench.any()) for reply in replies.values())
         told = self.losses.follow(entry.energy, touches, drive_work)
         if told:
-            self._tell("accuracy", f"step {self._clock.step - 1}: {told}")
+            self._tell("damped", f"step {self._clock.step - 1}: {told}")
         return entry
 
     def _named(self, quantities: Mapping[str, float]) -> dict[str, float]:

@@ -75,9 +75,9 @@ class StepLosses:
     def _tell(self, share: float) -> str:
         if share <= max(LIMIT, self._worst):
             return ""
-        first, self._worst = not self.said, share
-        self.said = f"steps took {100.0 * share:.0f} % of the energy with which it hit: it bounces too little"
-        return f"{self.said}; {self._advice}" if first else ""
+        self._worst = share
+        self.said = f"steps took {100.0 * min(share, 1.0):.0f} % of the energy with which it hit: it bounces too little"
+        return f"{self.said}; {self._advice}"
 
     @property
     def swings(self) -> str:
@@ -90,5 +90,5 @@ class StepLosses:
     @property
     def _advice(self) -> str:
         if self._pbd:
-            return "shorten the step, or take more models.pbd.substeps"
+            return "take more models.pbd.substeps"  # that are `auto` are as long in shorter steps
         return "shorten the step, take regions: {default: pbd}, or models.fem: {integrator: midpoint, radius: 0.9}"
