@@ -33,8 +33,10 @@ def placed_file(meshes: Sequence[Placed], unit: float, up: str) -> MeshFile:
     """All meshes in the scene's frame, whose unit [m] and upward axis the file tells.
 
     Where a frame is mirrored, polygons are turned round, so that they face as before. Raises ValueError where a corner
-    is no point.
+    is no point, or a unit no length.
     """
+    if not 0.0 < unit < np.inf:
+        raise ValueError(f"its unit is {unit:g} m")
     names = tuple(dict.fromkeys(mesh.name for mesh in meshes)) or ("",)
     nothing = np.zeros(0, dtype=np.int64)
     points, corners, sizes, part = [np.zeros((0, 3))], [nothing], [nothing], [nothing]
