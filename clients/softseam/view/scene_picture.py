@@ -149,11 +149,19 @@ def _touching(corners: Floats, skin: Floats) -> NDArray[np.bool_]:
     """Which triangles (T, 3, 3) lie, or nearly so, on others of a skin (S, 3, 3) that face them (T,)."""
     middle, points, normal, against = corners.mean(axis=1), skin.mean(axis=1), _normals(corners), _normals(skin)
     near = _NEAR * float(np.ptp(skin.reshape(-1, 3), axis=0).max())
-    close = ((points >= middle.min(axis=0) - near) & (points <= middle.max(axis=0) + near)).all(axis=1)
+
+    def about(some: Floats, others: Floats) -> NDArray[np.bool_]:
+        """Which of some points are near the box around others."""
+        found: NDArray[np.bool_] = ((some >= others.min(axis=0) - near) & (some <= others.max(axis=0) + near)).all(
+            axis=1
+        )
+        return found
+
+    close, candidates = about(points, middle), np.flatnonzero(about(middle, points))
     points, against = points[close], against[close]
     found = np.zeros(len(corners), dtype=np.bool_)
-    for start in range(0, len(middle), 256):
-        some = slice(start, start + 256)
+    for start in range(0, len(candidates), 256):
+        some = candidates[start : start + 256]
         away = points[None] - middle[some, None]
         ahead = np.einsum("tpi,ti->tp", away, normal[some])
         beside = np.sqrt(np.maximum((away**2).sum(axis=2) - ahead**2, 0.0))
