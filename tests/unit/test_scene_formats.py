@@ -173,6 +173,9 @@ REFUSED = {
     "another layer": ("a.usda", usd('def "pad" (references = @/etc/hostname@) {}'),
                       ["a.usda: refers to '/etc/hostname', which is another file"]),
     "a sublayer": ("a.usda", b"#usda 1.0\n(subLayers = [@./other.usda@])\n", ["./other.usda", "another file"]),
+    "no text": ("a.usda", usd(usd_box("pad")).replace(b"faceVertexCounts", b"\x8fVertexCounts"), ["no whole USD file"]),
+    "counts of more than there is": ("a.usda", usd(usd_box("pad").replace("Counts = [3", "Counts = [300")),
+                                     ["'pad' has 36 corners in place of 333"]),
     "no stage": ("a.usda", b"#usda 1.0\ndef Mesh {\n", ["no whole USD file"]),
 }  # fmt: skip
 

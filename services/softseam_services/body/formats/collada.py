@@ -87,7 +87,7 @@ def _polygons(geometry: _Element, name: str, to_scene: Floats) -> Iterator[Place
     for primitive in geometry.iter():
         if primitive.tag in _SURFACES:
             corners, sizes, vertices = _corners(primitive)
-            if len(sizes):
+            if len(corners) or len(sizes):
                 yield Placed(name, _points(names, vertices), corners, sizes, to_scene)
 
 
@@ -128,8 +128,6 @@ def _corners(primitive: _Element) -> tuple[Cells, Cells, str | None]:
         sizes = np.array(
             [len(each) for each in lists] if kind == "polygons" else [3] * (len(corners) // 3), dtype=np.int64
         )
-    if sizes.sum() != len(corners) or (sizes < 0).any():
-        raise ValueError(f"its {kind} have {len(corners):,} corners in place of {sizes.sum():,}")
     return corners, sizes, inputs["VERTEX"].get("source")
 
 

@@ -47,8 +47,16 @@ def read_usd(path: str, data: bytes) -> MeshFile:
         except MeshError:
             raise
         except (Tf.ErrorException, zipfile.BadZipFile, ValueError, AttributeError) as error:
-            reason = str(error).replace(str(file), path).rpartition(" : '")[2].strip().removesuffix("'")
+            reason = _said(error).replace(str(file), path).rpartition(" : '")[2].strip().removesuffix("'")
             raise MeshError(f"{path}: is no whole USD file ({reason}): export it again, or as STL") from None
+
+
+def _said(error: Exception) -> str:
+    """Its text, which may cite what is no text."""
+    try:
+        return str(error)
+    except UnicodeDecodeError as undecoded:
+        return str(undecoded)
 
 
 def _others(file: Path) -> list[str]:
