@@ -167,6 +167,11 @@ def test_a_triangle_whose_own_corner_lies_on_its_open_edge_is_left_out() -> None
     refused(*join((vertices, one), (vertices + 1.0, two)), "3 open edges", "2 open edges were split")
 
 
+def test_triangles_with_a_corner_twice_enclose_nothing() -> None:
+    lines = np.array([[0, 0, 1], [1, 1, 2], [2, 2, 0], [3, 3, 1]])
+    refused(SOLIDS["box"][0], lines, "encloses nothing (4 triangles with a corner twice")
+
+
 @pytest.mark.parametrize("size", [0.02, 0.013, 0.03])
 def test_a_solid_that_touches_itself_along_an_edge(size: float) -> None:
     """A ring of boxes of which two meet at an edge only: one body, whose edge has four triangles."""
