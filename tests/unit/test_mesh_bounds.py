@@ -11,15 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from softseam_services.body.embed import read_solid
 from softseam_services.body.errors import MeshError
 from softseam_services.body.mesh_io import read_surface
 from softseam_services.body.surface_check import enclosed_volume
 
 
-def star(n: int) -> tuple[np.ndarray, bytes]:
-    """The corners of a star of n corners (n, 2), each other one a dent, and its prism of height 1 as OBJ."""
+def star(n: int, dent: float = 0.9) -> tuple[np.ndarray, bytes]:
+    """The corners of a star of n corners (n, 2), each other one nearer the middle, and its prism of height 1 as OBJ."""
     angle = 2.0 * np.pi * np.arange(n) / n
-    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1) * np.where(np.arange(n) % 2, 0.9, 1.0)[:, None]
+    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1) * np.where(np.arange(n) % 2, dent, 1.0)[:, None]
     lines = [f"v {x!r} {y!r} {z}" for z in (0, 1) for x, y in rim.tolist()]
     lines.append("f " + " ".join(str(k + 1) for k in reversed(range(n))))
     lines.append("f " + " ".join(str(n + k + 1) for k in range(n)))
@@ -42,16 +43,37 @@ def test_a_face_of_too_many_corners_is_refused() -> None:
         read_surface("a.obj", star(30_000)[1])
 
 
+def test_a_round_face_of_many_corners_is_judged_at_once() -> None:
+    """Fans of a disc's corners would all be near one another: ten seconds."""
+    n = 8_000
+    begun = time.perf_counter()
+    vertices, triangles, _ = read_solid("a.obj", star(n, 1.0)[1], None, None)
+    assert time.perf_counter() - begun < 5.0  # .5 s where it was measured
+    assert enclosed_volume(vertices, triangles) == pytest.approx(0.5 * n * np.sin(2.0 * np.pi / n), rel=1e-9)
+
+
 def abaqus(include: str) -> bytes:
     return f"*NODE\n1, 0., 0., 0.\n{include}\n*ELEMENT, TYPE=C3D4\n1, 1, 2, 3, 4\n".encode()
 
 
-@pytest.mark.parametrize("keyword", ["*INCLUDE, INPUT=", "*include,input=", "  *Include, Input = "])
+@pytest.mark.parametrize(
+    "keyword",
+    [
+        "*INCLUDE, INPUT=",
+        "*include,input=",
+        "  *Include, Input = ",
+        "\f*INCLUDE, INPUT=",
+        "* INCLUDE, INPUT=",
+        "INCLUDE, INPUT=",
+    ],
+)
 def test_what_includes_another_file_is_refused_by_name(tmp_path: Path, keyword: str) -> None:
     other = tmp_path / "other.inp"
     other.write_text("*NODE\n2, 1., 0., 0.\n3, 0., 1., 0.\n4, 0., 0., 1.\n")
     with pytest.raises(MeshError, match=r"^a\.inp:3: \*INCLUDE of '.*other\.inp'.* one file"):
         read_surface("a.inp", abaqus(f"{keyword}{other}"))
+    with pytest.raises(MeshError, match=r"^a\.inp:3: \*INCLUDE"):
+        read_surface("a.inp", abaqus(f"{keyword}{other}").replace(b"\n", b"\r"))
 
 
 def test_no_reader_gets_a_file_that_could_name_others(tmp_path: Path) -> None:

@@ -157,6 +157,21 @@ def test_triangles_without_area_are_joined_to_their_neighbours(at: float) -> Non
     assert notes == ("1 triangles without area were joined to their neighbours",)
 
 
+def test_a_triangle_whose_own_corner_lies_on_its_open_edge_is_left_out() -> None:
+    """A cap that is too many, beside a hole whose corner it has; and a box with an edge that is split."""
+    vertices, triangles = SOLIDS["box"]
+    vertices = np.concatenate([vertices, 0.5 * (vertices[:1] + vertices[1:2])])
+    others = [each for each in triangles.tolist() if each not in ([0, 2, 1], [0, 1, 4])]
+    one = np.array([*others, [8, 2, 1], [0, 8, 4], [8, 1, 4], [0, 1, 8]])  # without 0 2 8
+    two = np.array([*others, [8, 2, 1], [0, 2, 8], [0, 1, 4]])
+    refused(*join((vertices, one), (vertices + 1.0, two)), "3 open edges", "2 open edges were split")
+
+
+def test_triangles_with_a_corner_twice_enclose_nothing() -> None:
+    lines = np.array([[0, 0, 1], [1, 1, 2], [2, 2, 0], [3, 3, 1]])
+    refused(SOLIDS["box"][0], lines, "encloses nothing (4 triangles with a corner twice")
+
+
 @pytest.mark.parametrize("size", [0.02, 0.013, 0.03])
 def test_a_solid_that_touches_itself_along_an_edge(size: float) -> None:
     """A ring of boxes of which two meet at an edge only: one body, whose edge has four triangles."""

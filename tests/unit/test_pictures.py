@@ -13,6 +13,7 @@ import pytest
 import solids
 from benchmarks.pictures import WIDTH, smaller
 from damaged import with_a_bad_chunk
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 from PIL import Image
 from solids import obj
@@ -26,7 +27,7 @@ from softseam.replay.show import save_rrd
 from softseam.replay.world import find_scales
 from softseam.report import ReportBuilder
 from softseam.view import colors
-from softseam.view.charts import drawn_quantities
+from softseam.view.charts import _holes, drawn_quantities
 from softseam.view.surface import DisplaySurface
 from softseam_protocol.messages.session import StepReport
 from softseam_services.recorder.recorder import McapRecorder
@@ -143,6 +144,17 @@ def test_what_a_damaged_recording_lacks_is_hatched(tmp_path: Path) -> None:
         imread(draw_pictures(tmp_path / f"{name}.mcap", tmp_path / name)[1]) for name in ("left", "damaged")
     )
     assert 0.01 < (left != hatched).any(axis=2).mean() < 0.2
+
+
+def test_a_beginning_that_is_missing_is_on_the_axis(tmp_path: Path) -> None:
+    run = Squeeze(20, cell=0.025)
+    recording = Recording(with_a_bad_chunk(tmp_path / "damaged.mcap", run.begin, run.messages(), 0))
+    (hole,) = recording.holes
+    assert hole.start == 0.0 and hole.steps and hole.end
+    axes = Figure().subplots()
+    axes.set_xlim(hole.end, 1.0)
+    _holes(axes, recording)
+    assert axes.get_xlim() == (0.0, 1.0)
 
 
 def test_tools_of_every_kind_are_recorded_drawn_and_replayed(tmp_path: Path) -> None:

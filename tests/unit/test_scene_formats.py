@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scene_files import collada, gltf, usd, usd_box
+from scene_files import POINTS, TRIANGLES, collada, gltf, usd, usd_box
 
 from softseam_protocol.scene.whole_file import Unreadable, whole_file
 from softseam_services.body.embed import read_solid
@@ -57,6 +58,62 @@ def test_the_solid_stands_as_the_file_tells(name: str, data: bytes, size: tuple[
     assert not [note for note in notes if "turned" in note], "mirrored frames turn polygons round"
 
 
+def polygons(kind: str, one_list: bool = False, counts: str = "") -> bytes:
+    """The box's triangles as such primitives, with normals that the file has not, and lines beside them."""
+    each = [" ".join(f"{corner} 7" for corner in triangle) for triangle in TRIANGLES.tolist()]
+    lists = "".join(f"<p>{text}</p>" for text in ([" ".join(each)] if one_list else each))
+    inputs = '<input semantic="VERTEX" source="#v" offset="0"/>'
+    normals = '<input semantic="NORMAL" source="#gone" offset="1"/>'
+    lines = f'<linestrips count="1">{inputs}<p>0 1 2</p></linestrips><triangles count="0">{inputs}</triangles>'
+    found = f'<{kind} count="12">{inputs}{normals}{counts}{lists}</{kind}>{lines}'
+    return re.sub(rb"<triangles.*</triangles>", found.encode(), collada(NODE))
+
+
+ODD = {
+    "triangles": polygons("triangles", True),
+    "polylist": polygons("polylist", True, f"<vcount>{'3 ' * 12}</vcount>"),
+    "polygons": polygons("polygons"),
+    "strips": polygons("tristrips"),
+    "fans": polygons("trifans"),
+    "no namespace": re.sub(rb" xmlns=\S+", b"", collada(NODE)),
+    "version 1.5": collada(NODE).replace(b"2005/11/", b"2008/03/").replace(b"1.4.1", b"1.5.0"),
+    "no scene chosen": re.sub(rb"<scene>.*</scene>", b"", collada(NODE)),
+    "no scene at all": re.sub(rb"<library_v.*</scene>", b"", collada(NODE), flags=re.S),
+    "names with blanks": collada(NODE.replace("#g", "#a%20box")).replace(b'id="g"', b'id="a box"'),
+    "a document type": collada(NODE, head="<!DOCTYPE COLLADA>"),
+    "blanks about the axis": collada(NODE, up=" Z_UP\n"),
+    "four numbers a point": re.sub(rb"(<float_array[^>]*>)[^<]*", lambda found: found[1] + " ".join(
+        f"{x} {y} {z} 1" for x, y, z in POINTS.tolist()).encode(), collada(NODE)).replace(b'"3"', b'"4"'),
+    "a camera that looks": collada(NODE + '<node id="c"><lookat>0 0 9 0 0 0 0 1 0</lookat></node>'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("data", ODD.values(), ids=ODD.keys())
+def test_collada_of_other_kinds(data: bytes) -> None:
+    vertices, triangles, _ = read_solid("a.dae", data, None, None)
+    np.testing.assert_allclose(np.ptp(vertices, axis=0), (4.0, 3.0, 2.0))
+    assert enclosed_volume(vertices, triangles) == pytest.approx(24.0)
+
+
+def test_names_of_sources_are_those_of_one_geometry() -> None:
+    """As FreeCAD writes them: each geometry has the sources `p` and `v`."""
+    one = re.search(rb"<geometry.*</geometry>", collada(NODE), re.S)
+    assert one is not None
+    rod = one[0].replace(b'"g"', b'"h"').replace(b"4.0", b"8.0")
+    data = collada('<node id="m"><instance_geometry url="#h"/></node>').replace(b"</library_g", rod + b"</library_g")
+    for node, length in ((b"#h", 8.0), (b"#g", 4.0)):
+        vertices = read_solid("a.dae", data.replace(b'y url="#h"', b'y url="' + node + b'"'), None, None)[0]
+        np.testing.assert_allclose(np.ptp(vertices, axis=0), (length, 3.0, 2.0))
+
+
+def test_what_a_stage_shows_at_first() -> None:
+    """Points that move are where they are first; what is hidden is left out."""
+    hidden = usd_box("old", "double3 xformOp:translate = (9, 0, 0)", 'token visibility = "invisible"')
+    moves = re.sub(r"points = (.*)", r"points.timeSamples = {3: \1}", usd_box("pad"))
+    vertices = read_solid("a.usda", usd(moves + hidden), None, None)[0]
+    np.testing.assert_allclose(np.ptp(vertices, axis=0), (4.0, 3.0, 2.0))
+
+
 @pytest.mark.parametrize("name", ["COLLADA in mm", "glTF, y up", "USD in cm"])
 def test_a_scene_may_tell_unit_and_axis_in_place_of_the_file(name: str) -> None:
     path, data, _ = PLACED[name]
@@ -90,8 +147,11 @@ SEVEN = "".join(
 )  # each holds thirty of the one before
 
 REFUSED = {
-    "entities of XML": ("a.dae", collada(NODE, head='<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hostname">]>'),
-                        ["DOCTYPE"]),
+    "entities of XML": ("a.dae", collada('&b;', head='<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hostname">]>'),
+                        ["no whole COLLADA file", "undefined entity"]),
+    "a unit of no length": ("a.dae", collada(NODE, '<unit meter="0"/>'), ["its unit is 0 m"]),
+    "a hole in a polygon": ("a.dae", polygons("polygons", counts="<ph><p>0 7</p><h/></ph>"), ["a polygon has holes"]),
+    "a coordinate that is none": ("a.dae", collada(NODE).replace(b"4.0", b"NaN"), ["not finite"]),
     "a mesh of another file": ("a.dae", collada('<node id="n"><instance_geometry url="other.dae#g"/></node>'),
                                ["no whole COLLADA file", "other.dae"]),
     "a skin": ("a.dae", collada('<node id="n"><instance_controller url="#c"/></node>'), ["has a skin"]),
@@ -106,9 +166,16 @@ REFUSED = {
         {"componentType": 5126, "count": 10**12, "type": "VEC3"}]), ["no whole glTF file", "accessor 0"]),
     "nodes in a ring": ("a.glb", gltf([{"children": [0, 0]}], True), ["more than 10,000 nodes"]),
     "half a glb": ("a.glb", gltf([{"mesh": 0}], True)[:-100], ["no whole glTF file", "ends at byte"]),
+    "instances by an extension": ("a.glb", gltf([{"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {}}}], True),
+                                  ["EXT_mesh_gpu_instancing"]),
+    "a ball beside the mesh": ("a.usda", usd(usd_box("pad") + 'def Sphere "tip" {\n}\n'), ["'tip' is a Sphere"]),
+    "no length in USD": ("a.usda", usd(usd_box("pad"), 0.0), ["its unit is 0 m"]),
     "another layer": ("a.usda", usd('def "pad" (references = @/etc/hostname@) {}'),
                       ["a.usda: refers to '/etc/hostname', which is another file"]),
     "a sublayer": ("a.usda", b"#usda 1.0\n(subLayers = [@./other.usda@])\n", ["./other.usda", "another file"]),
+    "no text": ("a.usda", usd(usd_box("pad")).replace(b"faceVertexCounts", b"\x8fVertexCounts"), ["no whole USD file"]),
+    "counts of more than there is": ("a.usda", usd(usd_box("pad").replace("Counts = [3", "Counts = [300")),
+                                     ["'pad' has 36 corners in place of 333"]),
     "no stage": ("a.usda", b"#usda 1.0\ndef Mesh {\n", ["no whole USD file"]),
 }  # fmt: skip
 

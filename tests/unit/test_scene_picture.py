@@ -90,6 +90,24 @@ def test_the_side_that_grips_is_what_touches_first(tmp_path: Path) -> None:
         np.testing.assert_allclose(tool.touching[..., 0], x, atol=1e-9)
 
 
+def test_a_belt_that_is_much_larger_than_the_body(tmp_path: Path) -> None:
+    """It reaches behind the eye; its name and its way are where it touches."""
+    belt = "ground: {kind: box, size: [1.0, 0.3, 0.02], position: [0.3, 0, -0.01]}"
+    text = SCENE.replace("ground: {kind: plane}", belt).replace("left, right", "ground")
+    (tmp_path / "finger.obj").write_bytes(obj(*box((0.01, 0.02, 0.02))))
+    (tmp_path / "look.yaml").write_text(text.replace("MOTION", "{tools: [ground], move: [0.18, 0, 0], speed: 0.3}"))
+    check_scene(str(tmp_path / "look.yaml"), (), Console(file=StringIO()), tmp_path / "look.png")
+    assert (tmp_path / "look.png").is_file()
+    setup = build_setup(load_scene(tmp_path / "look.yaml").bundle)
+    look = preview(setup.scene, {"body": setup.body}, setup.tools)
+    mesh = look.surfaces["body"]
+    shape = tool_shapes(setup.scene, 0.04, mesh.tools)[0]
+    skin = mesh.point_rest[mesh.triangles]
+    tool = _tool(shape, look.position[:, 0], look.orientation[:, 0], int(look.touch[0]), skin, 0)
+    np.testing.assert_allclose(tool.middle, 0.0, atol=0.01)
+    np.testing.assert_allclose(tool.way[0], tool.middle)
+
+
 def test_a_picture_from_a_session(tmp_path: Path) -> None:
     ahead(tmp_path, FORCE)
     with softseam.open(tmp_path / "look.yaml") as sim:

@@ -55,8 +55,8 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     _energy(every[n_plots - 1], columns)
     for axes in every[:n_plots]:
         _phases(axes, columns)
-        _holes(axes, recording)
         axes.set_xlim(time[0] - 0.015 * np.ptp(time), time[-1] + 0.015 * np.ptp(time))
+        _holes(axes, recording)
     for axes in every[max(0, n_plots - 3) : n_plots]:
         axes.set_xlabel(_TIME, fontsize=9.5, color=SOFT)
     return write(figure, path)
@@ -155,6 +155,7 @@ def _holes(axes: Axes, recording: Recording) -> None:
     for hole in recording.holes:
         if hole.end is not None and hole.steps:
             axes.axvspan(hole.start, hole.end, fill=False, hatch="////", edgecolor=RULE, zorder=0.5)
+            axes.set_xlim(left=min(hole.start, axes.get_xlim()[0]))  # of a run whose beginning is missing
 
 
 def _running_median(values: Floats, reach: int = 7) -> Floats:

@@ -20,6 +20,8 @@ _AT_ONCE = 1 << 18
 _LIGHT = np.array([0.34, -0.58, 0.74])
 """direction to the lamp: right, front, above"""
 _AMBIENT, _DIFFUSE = 0.56, 0.50
+_NEAREST = 1e-2
+"""what is drawn is no nearer to the eye, in distances from eye to target"""
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,12 @@ class Camera:
         length = np.linalg.norm(right)
         right = right / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])  # straight down or up: x to the right
         return np.stack([right, np.cross(right, forward), forward])
+
+    def beyond(self, points: Floats) -> Floats:
+        """How far points (..., 3) lie behind the nearest plane that is drawn [m], negative where they are not drawn."""
+        away = self.target - self.eye
+        length = float(np.linalg.norm(away))
+        return np.asarray((points - self.eye) @ (away / length) - _NEAREST * length)
 
     def project(self, points: Floats, width: int, height: int) -> Floats:
         """Pixel x, pixel y and depth [m] of points in front of the eye (n, 3)."""
@@ -133,8 +141,11 @@ class Canvas:
 
         paint (T, 3, 3 layers)  colours of each triangle's corners, in 0..1
         """
-        at = self._camera.project(vertices, self.width, self.height)
         shade = _AMBIENT + _DIFFUSE * np.clip(normals @ _LIGHT, 0.0, 1.0)
+        beyond = self._camera.beyond(vertices)
+        if beyond.min() < 0.0:
+            vertices, shade, triangles, paint = _cut(beyond, vertices, shade, triangles, paint)
+        at = self._camera.project(vertices, self.width, self.height)
         a, b, c = (at[triangles[:, i], :2] for i in range(3))
         turn = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
         # rows count downwards, so a triangle that is counter-clockwise from the front turns to the negative side
@@ -162,10 +173,14 @@ class Canvas:
         layer: int | None = None,
     ) -> None:
         """Straight lines (l, 2, 3), `width` pixels wide; `lift` brings them that part nearer, out of their surface."""
+        beyond = self._camera.beyond(segments)
+        segments, beyond = segments[beyond.max(axis=1) > 0.0], beyond[beyond.max(axis=1) > 0.0]
+        inner = np.clip(beyond / (beyond - beyond[:, ::-1] + (beyond == beyond[:, ::-1])), 0.0, 1.0)
+        segments = segments + np.where(beyond < 0.0, inner, 0.0)[..., None] * (segments[:, ::-1] - segments)
         ends = self._camera.project(segments.reshape(-1, 3), self.width, self.height).reshape(-1, 2, 3)
         covered = np.zeros((self.height, self.width), dtype=np.bool_)
         reach = max(0, round(0.5 * (width * self._factor - 1)))
-        for start, stop in ends:
+        for start, stop in _within(ends, self.width, self.height):
             n = int(np.hypot(*(stop - start)[:2])) + 2
             along = start + np.linspace(0.0, 1.0, n)[:, None] * (stop - start)
             for dx in range(-reach, reach + 1):
@@ -219,6 +234,43 @@ class Canvas:
             weights[:, 0] = 1.0 - weights[:, 1] - weights[:, 2]
             depth = 1.0 / np.einsum("ni,ni->n", weights, (1.0 / corners[:, :, 2])[t[row]])
             yield Hits(y[row] * self.width + x, t[row], weights, depth)
+
+
+def _within(lines: Floats, width: int, height: int) -> Floats:
+    """What of lines (l, 2, 3) lies in the picture, about (Liang and Barsky)."""
+    start, way = lines[:, :1], lines[:, 1:] - lines[:, :1]
+    flat = np.where(np.abs(way[..., :2]) < 1e-9, 1e-9, way[..., :2])
+    borders = (np.array([[[-9.0, -9.0], [width + 9.0, height + 9.0]]]) - start[..., :2]) / flat
+    first = np.maximum(borders.min(axis=1).max(axis=1), 0.0)
+    last = np.minimum(borders.max(axis=1).min(axis=1), 1.0)
+    parts = np.stack([first, last], axis=1)[first < last]
+    found: Floats = start[first < last] + parts[..., None] * way[first < last]
+    return found
+
+
+def _cut(
+    beyond: Floats, vertices: Floats, shade: Floats, triangles: NDArray[np.int64], paint: Floats
+) -> tuple[Floats, Floats, NDArray[np.int64], Floats]:
+    """Vertices, their shade (n,), triangles and paint of what lies beyond a plane, by how far it does (n,)."""
+    front = beyond[triangles] > 0.0
+    whole, some = front.all(axis=1), front.any(axis=1) & ~front.all(axis=1)
+    lone_front = front[some].sum(axis=1) == 1
+    lone = np.argmax(front[some] == lone_front[:, None], axis=1)  # the corner that is alone on its side, now first
+    order = (lone[:, None] + np.arange(3)) % 3
+    mine = np.take_along_axis(triangles[some], order, axis=1)
+    painted = np.take_along_axis(paint[some], order[..., None], axis=1)
+    v = np.concatenate([vertices[mine], shade[mine][..., None], painted], axis=2)
+    ahead = beyond[mine][..., None]
+    b, c = (v[:, 0] + ahead[:, 0] / (ahead[:, 0] - ahead[:, k]) * (v[:, k] - v[:, 0]) for k in (1, 2))
+    parts = [(v[:, 0], b, c, lone_front), (b, v[:, 1], v[:, 2], ~lone_front), (b, v[:, 2], c, ~lone_front)]
+    pieces = np.concatenate([np.stack(corners, axis=1)[which] for *corners, which in parts])
+    new = len(vertices) + np.arange(3 * len(pieces)).reshape(-1, 3)
+    return (
+        np.concatenate([vertices, pieces[..., :3].reshape(-1, 3)]),
+        np.concatenate([shade, pieces[..., 3].ravel()]),
+        np.concatenate([triangles[whole], new]),
+        np.concatenate([paint[whole], pieces[..., 4:]]),
+    )
 
 
 def _counted(n: Ints) -> Ints:

@@ -44,6 +44,8 @@ _PARTS = 24
 _NEAR = 0.04
 """of the bodies' extent: what is so near beside, and a third of it before a surface, counts as touching it"""
 _AXES = {"x": (0.80, 0.25, 0.22), "y": (0.24, 0.58, 0.28), "z": (0.22, 0.38, 0.78)}
+_LARGE = 6.0
+"""of the bodies' extent: tools of that size are in the picture only as far as they are near"""
 _MOST_WAYS = 200
 """points of a way that are drawn"""
 
@@ -56,8 +58,10 @@ class _Tool:
     vertices: Floats
     normals: Floats
     lines: Floats
+    middle: Floats
+    """where its name stands: of a tool that is not in the picture as a whole, where it touches (3,) [m]"""
     way: Floats
-    """its position over time (k, 3) [m]"""
+    """its position over time, of such a tool from there (k, 3) [m]"""
     touching: Floats
     """corners of the parts of its surface that touch first, where these start (c, 3, 3) [m]"""
     tone: Floats
@@ -92,6 +96,7 @@ def draw_scene(
         camera = Camera(middle + away, middle, fov).fitted(seen, _WIDTH, _HEIGHT, 0.80)
         each.imshow(_image(camera, bodies, points, tools, extent), interpolation="lanczos")
         each.set_axis_off()
+        each.autoscale(False)
         each.set_title(title or "as seen from the front right", fontsize=10, color=SOFT, pad=4, loc="left")
         _names(each, camera, bodies, points, tools)
         _scale(each, camera, seen, parallel=bool(title))
@@ -102,16 +107,23 @@ def draw_scene(
 def _tool(shape: ToolShape, way: Floats, turns: Floats, touch: int, skin: Floats, number: int) -> _Tool:
     """A tool placed; skin (S, 3, 3) [m]: corners of small triangles of the surfaces of the bodies at rest."""
     at, turn = way[0], turns[0]
+    extent = float(np.ptp(skin.reshape(-1, 3), axis=0).max())
+    size = float(np.ptp(shape.vertices, axis=0).max())
     lines = rotate(turn, shape.lines.reshape(-1, 3)).reshape(-1, 2, 3) + at
     parts = np.zeros((0, 3, 3))
     if touch >= 0 and shape.kind != "plane" and len(shape.triangles):
-        own = _divided(shape.vertices[shape.triangles], float(np.ptp(shape.vertices, axis=0).max()) / _PARTS)
+        own = _divided(shape.vertices[shape.triangles], min(size, 2.0 * extent) / _PARTS)
         there = rotate(turns[touch], own.reshape(-1, 3)).reshape(-1, 3, 3) + way[touch]
         mine = own[_touching(there, skin)]
         parts = rotate(turn, mine.reshape(-1, 3)).reshape(-1, 3, 3) + at
     thinned = way[np.unique(np.linspace(0, len(way) - 1, min(len(way), _MOST_WAYS)).astype(int))]
     tone = _WAYS[number % len(_WAYS)]
-    return _Tool(shape, rotate(turn, shape.vertices) + at, rotate(turn, shape.normals), lines, thinned, parts, tone)
+    vertices, normals = rotate(turn, shape.vertices) + at, rotate(turn, shape.normals)
+    middle = vertices.mean(axis=0)
+    if size >= _LARGE * extent and len(parts):
+        middle = parts.mean(axis=(0, 1))
+        thinned = thinned - at + middle
+    return _Tool(shape, vertices, normals, lines, middle, thinned, parts, tone)
 
 
 def _divided(corners: Floats, longest: float) -> Floats:
@@ -137,11 +149,19 @@ def _touching(corners: Floats, skin: Floats) -> NDArray[np.bool_]:
     """Which triangles (T, 3, 3) lie, or nearly so, on others of a skin (S, 3, 3) that face them (T,)."""
     middle, points, normal, against = corners.mean(axis=1), skin.mean(axis=1), _normals(corners), _normals(skin)
     near = _NEAR * float(np.ptp(skin.reshape(-1, 3), axis=0).max())
-    close = ((points >= middle.min(axis=0) - near) & (points <= middle.max(axis=0) + near)).all(axis=1)
+
+    def about(some: Floats, others: Floats) -> NDArray[np.bool_]:
+        """Which of some points are near the box around others."""
+        found: NDArray[np.bool_] = ((some >= others.min(axis=0) - near) & (some <= others.max(axis=0) + near)).all(
+            axis=1
+        )
+        return found
+
+    close, candidates = about(points, middle), np.flatnonzero(about(middle, points))
     points, against = points[close], against[close]
     found = np.zeros(len(corners), dtype=np.bool_)
-    for start in range(0, len(middle), 256):
-        some = slice(start, start + 256)
+    for start in range(0, len(candidates), 256):
+        some = candidates[start : start + 256]
         away = points[None] - middle[some, None]
         ahead = np.einsum("tpi,ti->tp", away, normal[some])
         beside = np.sqrt(np.maximum((away**2).sum(axis=2) - ahead**2, 0.0))
@@ -153,7 +173,7 @@ def _touching(corners: Floats, skin: Floats) -> NDArray[np.bool_]:
 def _seen(points: Floats, tools: list[_Tool], extent: float) -> Floats:
     """What the pictures show: bodies, tools that are not much larger, and their ways."""
     small = [
-        tool for tool in tools if tool.shape.kind != "plane" and np.ptp(tool.vertices, axis=0).max() < 6.0 * extent
+        tool for tool in tools if tool.shape.kind != "plane" and np.ptp(tool.vertices, axis=0).max() < _LARGE * extent
     ]
     ends = [tool.vertices + way - tool.way[0] for tool in small for way in (tool.way.min(axis=0), tool.way.max(axis=0))]
     return np.concatenate([points, *(tool.vertices for tool in small), *ends])
@@ -198,7 +218,7 @@ def _names(
 ) -> None:
     """Names of tools at their middles, of several bodies at theirs, and an arrow where each way ends."""
     boxed = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.65}
-    named = [(tool.shape.name, tool.vertices.mean(axis=0)) for tool in tools if tool.shape.kind != "plane"]
+    named = [(tool.shape.name, tool.middle) for tool in tools if tool.shape.kind != "plane"]
     named += [(name, points[name].mean(axis=0)) for name in bodies if len(bodies) > 1]
     for name, at in named:
         x, y, _ = camera.project(at[None], _WIDTH, _HEIGHT)[0]
@@ -213,9 +233,9 @@ def _names(
 
 
 def _scale(axes: Axes, camera: Camera, seen: Floats, *, parallel: bool) -> None:
-    """The scene's axes from the least corner of what is seen, each of a round length; and in a parallel view a bar of
-    that length."""
-    length = colors.round_up(0.2 * float(np.ptp(seen, axis=0).max()))
+    """The scene's axes from the least corner of what is seen, each of a length that is round and a fifth of what is
+    seen from here; and in a parallel view a bar of that length."""
+    length = colors.round_up(0.2 * float(np.ptp(seen @ camera.axes()[:2].T, axis=0).max()))
     start = np.zeros(3) if parallel else seen.min(axis=0)
     ends = camera.project(start + np.concatenate([np.zeros((1, 3)), length * np.eye(3)]), _WIDTH, _HEIGHT)[:, :2]
     if parallel:
@@ -238,8 +258,9 @@ def _legend(figure: Figure, tools: list[_Tool]) -> None:
     handles: list[Patch | Line2D] = [
         Patch(color=tuple(_BODY), label="body"),
         Patch(color=tuple(_GLASS), label="tools"),
-        Patch(color=touch, label="what of a tool touches first"),
     ]
+    if any(len(tool.touching) for tool in tools):
+        handles.append(Patch(color=touch, label="what of a tool touches first"))
     handles += [
         Line2D([], [], color=tuple(tool.tone), linewidth=2.5, label=f"way of {tool.shape.name}")
         for tool in tools

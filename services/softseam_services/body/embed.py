@@ -83,6 +83,8 @@ def read_in_place(
     vertices = scale * raw.vertices[:, [(axis + 1) % 3, (axis + 2) % 3, axis]]
     check_extent(path, vertices, scale)
     surface = repair(vertices, raw.triangles, raw.part)
+    if not len(surface.triangles):
+        raise MeshError(f"{path}: encloses nothing ({'; '.join(surface.notes)}): export it again")
     vertices, triangles, whose, notes = surface.vertices, surface.triangles, surface.part, [*raw.notes, *surface.notes]
     bodies = closed_bodies(path, vertices, triangles, whose, raw.names)
     if isinstance(part, int) and raw.volume is None:

@@ -95,8 +95,7 @@ class _Work:
     def leave_out_doubles(self) -> None:
         """Drop triangles with a corner twice, and of those with the same corners all but one, or, where as many face
         either way and the surface closes better without them, all: walls between touching solids, and fins."""
-        a, b, c = self.triangles.T
-        whole = (a != b) & (b != c) & (c != a)
+        whole = _whole(self.triangles)
         if not whole.all():
             self.notes.append(f"{int((~whole).sum())} triangles with a corner twice were left out")
             self._keep(whole)
@@ -192,6 +191,8 @@ class _Work:
             triangles = triangles.copy()
             triangles[whose] = halves
             triangles, part = np.concatenate([triangles, rest]), np.concatenate([part, part[whose]])
+            whole = _whole(triangles)  # nothing is left of one whose own third corner lies on its edge
+            triangles, part = triangles[whole], part[whole]
             split += len(whose)
         _, count, _, _ = edges_of(triangles)
         if split and int((count == 1).sum()) < before:
@@ -274,6 +275,13 @@ class _Work:
 
     def _length(self, value: float) -> str:
         return f"{1e3 * self._unit * value:.3g} mm"
+
+
+def _whole(triangles: Ints) -> NDArray[np.bool_]:
+    """Which triangles have three different corners (T,)."""
+    a, b, c = triangles.T
+    found: NDArray[np.bool_] = (a != b) & (b != c) & (c != a)
+    return found
 
 
 def _faults(triangles: Ints) -> int:

@@ -80,6 +80,8 @@ class _Reader:
             todo += [(child, to_scene) for child in node.get("children", [])]
             if "skin" in node:
                 raise ValueError("it has a skin, which is not read: apply it")
+            if "EXT_mesh_gpu_instancing" in node.get("extensions", {}):
+                raise ValueError("it has instances by EXT_mesh_gpu_instancing, which are not read: apply them")
             if "mesh" in node:
                 mesh = self._of["meshes"][node["mesh"]]
                 for primitive in mesh["primitives"]:

@@ -33,12 +33,16 @@ def placed_file(meshes: Sequence[Placed], unit: float, up: str) -> MeshFile:
     """All meshes in the scene's frame, whose unit [m] and upward axis the file tells.
 
     Where a frame is mirrored, polygons are turned round, so that they face as before. Raises ValueError where a corner
-    is no point.
+    is no point, a polygon has others than there are, or a unit no length.
     """
+    if not 0.0 < unit < np.inf:
+        raise ValueError(f"its unit is {unit:g} m")
     names = tuple(dict.fromkeys(mesh.name for mesh in meshes)) or ("",)
     nothing = np.zeros(0, dtype=np.int64)
     points, corners, sizes, part = [np.zeros((0, 3))], [nothing], [nothing], [nothing]
     for mesh in meshes:
+        if mesh.sizes.sum() != len(mesh.corners) or (mesh.sizes < 0).any():
+            raise ValueError(f"{mesh.name!r} has {len(mesh.corners):,} corners in place of {mesh.sizes.sum():,}")
         if len(mesh.corners) and not 0 <= mesh.corners.min() <= mesh.corners.max() < len(mesh.points):
             raise ValueError(f"{mesh.name!r} has a corner {mesh.corners.max()}, or one below 0, of {len(mesh.points)}")
         mirrored = np.linalg.det(mesh.to_scene[:3, :3]) < 0.0

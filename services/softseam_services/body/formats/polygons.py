@@ -36,20 +36,30 @@ def triangles_of(points: Floats, corners: Cells, sizes: Cells) -> tuple[Cells, C
     found, whose = [three, _halves(points, quads)], [whose_three, whose_quads, whose_quads]
     for size in np.unique(sizes[sizes > 4]).tolist():
         polygons, numbers = of_size(size)
-        fans = np.stack(
-            [np.stack([polygons[:, 0], polygons[:, k], polygons[:, k + 1]], axis=1) for k in range(1, size - 1)], axis=1
-        )
+        cut = polygons[:, _ears(size)]
         x = points[polygons]
         normal = np.cross(x, np.roll(x, -1, axis=1)).sum(axis=1)  # Newell's
-        y = points[fans]
+        y = points[cut]
         up = np.cross(y[:, :, 1] - y[:, :, 0], y[:, :, 2] - y[:, :, 0])
         do = (np.einsum("mti,mi->mt", up, normal) > 0.0).all(axis=1)
-        found.append(fans[do].reshape(-1, 3))
+        found.append(cut[do].reshape(-1, 3))
         whose.append(np.repeat(numbers[do], size - 2))
         for polygon, number in zip(polygons[~do], numbers[~do], strict=True):
             found.append(triangulate(points, polygon))
             whose.append(np.full(size - 2, number))
     return np.concatenate(found), np.concatenate(whose).astype(np.int64)
+
+
+def _ears(size: int) -> Cells:
+    """Corners (size - 2, 3) of the triangles of a convex polygon: every other corner is cut off, and so on. Few of them
+    are near one another, where those of a fan all are."""
+    ring, found = np.arange(size), [np.zeros((0, 3), dtype=np.int64)]
+    while len(ring) > 2:
+        closed = np.append(ring, ring[0])
+        n_ears = len(ring) // 2
+        found.append(np.stack([closed[k : k + 2 * n_ears : 2] for k in range(3)], axis=1))
+        ring = ring[::2]
+    return np.concatenate(found)
 
 
 def strip_triangles(flat: Cells, ends: Cells) -> Cells:

@@ -64,7 +64,6 @@ _REMEDY = {
 _MESHIO = (".inp", ".bdf", ".fem", ".nas", ".su2", ".vtk", ".xml", ".mdpa", ".f3grid", ".dat", ".tec", ".ugrid", ".avs",
            ".wkt", ".vol", ".post", ".dato", ".mesh", ".meshb")  # fmt: skip
 """what meshio reads of one file alone: XDMF names files of arrays, and others are packed, of any size"""
-_INCLUDE = re.compile(rb"^[ \t]*(?P<keyword>\*INCLUDE)\b(?:[^\n]*?=)?(?P<file>[^\r\n]*)", re.I | re.M)
 
 
 def read_mesh_file(path: str, data: bytes) -> MeshFile:
@@ -93,15 +92,23 @@ def _by_format(path: str, data: bytes) -> MeshFile:
         raise MeshError(
             f"{path}: {suffix} is a format of {_OTHERS[suffix]}, which is not read; {_REMEDY[_OTHERS[suffix]]}"
         )
-    if suffix == ".inp" and (include := _INCLUDE.search(data)):
-        line = data.count(b"\n", 0, include.start("keyword")) + 1
-        raise MeshError(
-            f"{path}:{line}: *INCLUDE of {include['file'].decode('latin-1').strip()!r}: a mesh is read from one file; "
-            "put what is included in its place"
-        )
     if suffix not in _MESHIO:
         raise MeshError(_unread(path, suffix, ""))
-    return _by_meshio(path, suffix, data)
+    return _by_meshio(path, suffix, _alone(path, data) if suffix == ".inp" else data)
+
+
+def _alone(path: str, data: bytes) -> bytes:
+    """Abaqus' file in ASCII, in which a line is what it is in any encoding; raises MeshError where meshio would
+    take one for an *INCLUDE, as it does without the star, too."""
+    text = data.decode("ascii", "replace")
+    for number, line in enumerate(io.StringIO(text, newline=None), 1):
+        keyword, _, rest = line.partition(",")
+        if keyword.replace("*", "").strip().upper() == "INCLUDE":
+            raise MeshError(
+                f"{path}:{number}: *INCLUDE of {rest.rpartition('=')[2].strip()!r}: a mesh is read from one file; put "
+                "what is included in its place"
+            )
+    return text.encode("ascii", "replace")
 
 
 def _unread(path: str, suffix: str, reason: str) -> str:

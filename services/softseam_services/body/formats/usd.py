@@ -18,6 +18,10 @@ from softseam_services.body.errors import MeshError
 from softseam_services.body.formats.mesh_file import MeshFile
 from softseam_services.body.formats.placed import MOST_PLACED, Placed, placed_file
 
+_NO_MESHES = ("Capsule", "Capsule_1", "Cone", "Cube", "Cylinder", "Cylinder_1", "NurbsPatch", "Plane",
+              "PointInstancer", "Sphere", "TetMesh")  # fmt: skip
+"""prims that fill a place, and are no polygons where they stand"""
+
 
 def read_usd(path: str, data: bytes) -> MeshFile:
     """Polygons of the stage; raises MeshError where it is not whole, or refers to other files."""
@@ -43,8 +47,16 @@ def read_usd(path: str, data: bytes) -> MeshFile:
         except MeshError:
             raise
         except (Tf.ErrorException, zipfile.BadZipFile, ValueError, AttributeError) as error:
-            reason = str(error).replace(str(file), path).strip().splitlines()[-1:]
-            raise MeshError(f"{path}: is no whole USD file ({''.join(reason)}): export it again, or as STL") from None
+            reason = _said(error).replace(str(file), path).rpartition(" : '")[2].strip().removesuffix("'")
+            raise MeshError(f"{path}: is no whole USD file ({reason}): export it again, or as STL") from None
+
+
+def _said(error: Exception) -> str:
+    """Its text, which may cite what is no text."""
+    try:
+        return str(error)
+    except UnicodeDecodeError as undecoded:
+        return str(undecoded)
 
 
 def _others(file: Path) -> list[str]:
@@ -68,15 +80,21 @@ def _placed(stage: Any) -> Iterator[Placed]:
     """The stage's meshes that are shown, each called as its prim. Raises ValueError where they are too many."""
     from pxr import Usd, UsdGeom
 
-    cache = UsdGeom.XformCache()
+    first = Usd.TimeCode.EarliestTime()
+    cache = UsdGeom.XformCache(first)
     for number, prim in enumerate(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())):
         if number > MOST_PLACED:
             raise ValueError(f"its stage has more than {MOST_PLACED:,} prims")
-        if not prim.IsA(UsdGeom.Mesh) or UsdGeom.Imageable(prim).ComputePurpose() in ("guide", "proxy"):
+        shown, kind = UsdGeom.Imageable(prim), prim.GetTypeName()
+        if kind not in ("Mesh", *_NO_MESHES) or shown.ComputePurpose() in ("guide", "proxy"):
             continue
+        if shown.ComputeVisibility(first) == UsdGeom.Tokens.invisible:
+            continue
+        if kind in _NO_MESHES:
+            raise ValueError(f"{prim.GetName()!r} is a {kind}, which is not read: make a mesh of it")
         mesh = UsdGeom.Mesh(prim)
         points, corners, sizes = (
-            each.Get()
+            each.Get(first)
             for each in (mesh.GetPointsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetFaceVertexCountsAttr())
         )
         if points and corners and sizes:
