@@ -61,6 +61,7 @@ from .pairs import (
     W,
     X,
     farthest,
+    lean_group,
     move_group,
     place_group,
     steepness,
@@ -258,7 +259,8 @@ def project_contacts(model, parameters, contacts, xw, hh):
                 continue
             if clear[group] > -np.inf:
                 clear[group] = -np.inf
-                _begin_group(model, parameters, contacts, contacts.before, tool, group, np.sqrt(hh))
+                before = contacts.before  # no force is carried there, which nodes would follow
+                _begin_group(model, parameters, contacts, before, before, tool, group, np.sqrt(hh))
             place_group(group, X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
             row = pairs[group]
             if rows[group, EDGED]:
@@ -277,12 +279,14 @@ def project_contacts(model, parameters, contacts, xw, hh):
 
 
 @njit(cache=True, error_model="numpy")
-def _begin_group(model, parameters, contacts, xw, tool, group, h):
+def _begin_group(model, parameters, contacts, xw, a, tool, group, h):
     """BEFORE, FACED, HELD and ALLOWED of a group for the substep that starts at xw, with the tools where they start
     it."""
     indptr, node, weight, kind, shape = model.indptr, model.node, parameters.weight, parameters.kind, parameters.shape
     rows, pairs = contacts.rows, contacts.pairs
     place, turn = three(contacts.position[0], tool), four(contacts.orientation[0], tool)
+    if parameters.places[tool] > 0 and rows[group, EDGED]:
+        lean_group(group, model, parameters, h * h, pairs, rows, xw, a)
     place_group(group, BEFORE, rows, indptr, node, weight, parameters.tilt, xw, pairs)
     row = pairs[group]
     if faces(kind[tool], shape[tool]):
@@ -303,14 +307,14 @@ def _begin_group(model, parameters, contacts, xw, tool, group, h):
 
 
 @njit(cache=True, error_model="numpy")
-def begin_pairs(model, parameters, contacts, xw, h):
-    """A substep h starts at xw, with the tools where they start it."""
+def begin_pairs(model, parameters, contacts, xw, a, h):
+    """A substep h starts at xw, with the tools where they start it; a (n, 3) [m/s^2] follows forces on patches."""
     start, clear = contacts.start, contacts.clear
     waits = False
     for tool in range(len(parameters.kind)):
         for group in range(start[tool], start[tool + 1]):
             if clear[group] == -np.inf:
-                _begin_group(model, parameters, contacts, xw, tool, group, h)
+                _begin_group(model, parameters, contacts, xw, a, tool, group, h)
             else:
                 waits = True
     if waits:

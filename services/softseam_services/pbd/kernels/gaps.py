@@ -12,7 +12,7 @@ from softseam_services.tools.kernels import patch_press, rotate, rotate_back, sw
 
 from .faced import faced_gap, faces
 from .lanes import batch_kernel
-from .pairs import BEFORE, EIGHT, GAP, GRADE, LEAN, PATCH, POINT
+from .pairs import BEFORE, EIGHT, GAP, GRADE, LEAN, NEXT, PATCH, POINT
 
 _JUST = 1e-12
 """gap of a patch that no tool reaches, though its middle is inside one [m]"""
@@ -50,10 +50,11 @@ def find_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow):
                 row[lane + EIGHT] - s * u[1] - t * v[1],
                 row[lane + 2 * EIGHT] - s * u[2] - t * v[2],
             )
-            depth, grade, mx, my, mz, _, _ = patch_press(kind, shape, place, turn, middle, u, v, 0.0, places)
+            depth, grade, mx, my, mz, s, t = patch_press(kind, shape, place, turn, middle, u, v, 0.0, places)
             gap = max(gap, _JUST)
             if depth > 0.0:
                 row[lane + EIGHT * GRADE] = grade
+                row[lane + EIGHT * NEXT], row[lane + EIGHT * (NEXT + 1)] = s, t
                 gap, nx, ny, nz = -depth / grade, mx, my, mz
         row[lane + EIGHT * GAP] = gap
         row[lane + EIGHT * (GAP + 1)] = nx

@@ -24,8 +24,9 @@ SOFT        1  compliance of contact where many points share a block, else 0 [m/
 HELD        3  FORCE at the start of the substep, in groups with such points [N]
 STEADY      2  pressure with a memory, by which friction is bounded, and how far friction went beyond the pressure [N]
 GRADE       1  slope of eq. (2) of tools/kernels/patch.py, 1 where that is not looked at
-PATCH       6  edges of the point's patch under a tool with edges, else 0 [m]
-LEAN        2  where on it the force acts, in its edges from the middle, as it was when the step began [1]
+PATCH       6  edges of the point's patch under a tool with edges as the substep begins, else 0 [m]
+LEAN        2  where on it the force acts in this substep, in its edges from the middle [1]
+NEXT        2  the same of the next one, which is where the tool presses it in this
 LAG         1  how much farther a point that is pressed firmly is inside for the tool's being round [m]
 FACED       3  outward normal, in a box's frame, of the side that the point faced when the substep began, 0 where it
                faced none
@@ -48,10 +49,10 @@ EIGHT = 2 * LANES
 """lanes of a group: with four the compiler would write the short loops out, number by number"""
 
 X, W, BEFORE, FORCE, ALLOWED, FRICTION, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 13, 15, 18, 21, 24
-WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, LAG, GRADE, PATCH, LEAN = (
-    27, 28, 29, 33, 36, 37, 38, 41, 43, 46, 47, 48, 54,
+WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, LAG, GRADE, PATCH, LEAN, NEXT = (
+    27, 28, 29, 33, 36, 37, 38, 41, 43, 46, 47, 48, 54, 56,
 )  # fmt: skip
-N_COLUMNS = 56
+N_COLUMNS = 58
 WIDTH = N_COLUMNS * EIGHT
 POINT, NODE, DIRECT, DEEP, EDGED = 0, 8, 16, 17, 18
 N_ROWS = 19
@@ -216,6 +217,7 @@ def _add_pair(model, parameters, state, contacts, tool, point, hh, first_open, n
             row[EIGHT * (PATCH + 3 + c) + lane] = contacts.patch[point, 1, c]
         s, t = contacts.lean[point, tool, 0], contacts.lean[point, tool, 1]
         row[EIGHT * LEAN + lane], row[EIGHT * (LEAN + 1) + lane] = s, t
+        row[EIGHT * NEXT + lane], row[EIGHT * (NEXT + 1) + lane] = s, t
         give = 0.0
         for entry in range(first, end):
             give += parameters.inverse_mass[node[entry]] * acting_weight(entry, weight, parameters.tilt, s, t) ** 2
@@ -261,6 +263,33 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
                     model, parameters, state, contacts, tool, point, hh, first_open, n_groups
                 )
         start[tool + 1] = n_groups
+
+
+@njit(cache=True, error_model="numpy")
+def lean_group(group, model, parameters, hh, pairs, rows, xw, a):
+    """A substep begins where nodes are at xw (n + 8, 4): PATCH, LEAN and GIVE of points on patches, in place. Forces that
+    are carried act elsewhere on them now, and so they do in the nodes' accelerations a (n, 3) [m/s^2]."""
+    indptr, node, weight, tilt = model.indptr, model.node, parameters.weight, parameters.tilt
+    row = pairs[group]
+    for lane in range(EIGHT):
+        point = rows[group, POINT + lane]
+        if point < model.n_surface:
+            continue
+        s, t = row[EIGHT * NEXT + lane], row[EIGHT * (NEXT + 1) + lane]
+        ahead, aside = s - row[EIGHT * LEAN + lane], t - row[EIGHT * (LEAN + 1) + lane]
+        row[EIGHT * LEAN + lane], row[EIGHT * (LEAN + 1) + lane] = s, t
+        give = 0.0
+        for c in range(6):
+            row[EIGHT * (PATCH + c) + lane] = 0.0
+        for entry in range(indptr[point], indptr[point + 1]):
+            i = node[entry]
+            give += hh * xw[i, 3] * acting_weight(entry, weight, tilt, s, t) ** 2
+            moved = xw[i, 3] * (ahead * tilt[entry, 0] + aside * tilt[entry, 1])
+            for c in range(3):
+                a[i, c] += moved * row[EIGHT * (FORCE + c) + lane]
+                row[EIGHT * (PATCH + c) + lane] += tilt[entry, 0] * xw[i, c]
+                row[EIGHT * (PATCH + 3 + c) + lane] += tilt[entry, 1] * xw[i, c]
+        row[EIGHT * GIVE + lane] = give
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

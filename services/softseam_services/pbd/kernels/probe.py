@@ -73,7 +73,7 @@ def probe_seam(model, parameters, start, state, inputs, scratch, probing, dt, n_
             if column >= 0:
                 share = (substep + 1) / n_substeps if ramp else 1.0
                 push[seam[column // 3], column % 3] = share * probe * xw[seam[column // 3], 3]
-            begin_pairs(model, parameters, contacts, xw, h)
+            begin_pairs(model, parameters, contacts, xw, a, h)
             if damped > 0.0:
                 note_shapes(ws, xw, nodes, volume, constants, law, scratch.asked, scratch.frame, 0, len(nodes))
             predict(xw, scratch.x_star, x, v, a, push, keep, h, 0, n)

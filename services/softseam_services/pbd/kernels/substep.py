@@ -155,7 +155,7 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
                     for c in range(3):
                         push[i, c] += xw[i, 3] * seam_growth[s, c]
                         seam_work -= seam_growth[s, c] * x[i, c]
-            begin_pairs(model, parameters, contacts, xw, h)
+            begin_pairs(model, parameters, contacts, xw, a, h)
             done(team, worker, 1)
         before += 1
         if share > 0.0:
