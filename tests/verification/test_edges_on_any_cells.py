@@ -101,7 +101,7 @@ def test_contact_patch_test(nodes: int) -> None:
     assert np.ptp(cauchy, axis=0).max() < 0.1 * np.abs(cauchy).max()
 
 
-@pytest.mark.parametrize(("cells", "grading", "within"), [(3, 4.0, 0.125), (4, 8.0, 0.15), (5, 4.0, 0.035)])
+@pytest.mark.parametrize(("cells", "grading", "within"), [(3, 4.0, 0.13), (4, 8.0, 0.26), (5, 4.0, 0.05)])
 def test_a_pad_inside_a_long_face_is_held_with_the_converged_force(cells: int, grading: float, within: float) -> None:
     """The pad's edge crosses the middle cells, up to eight times as long as the outer ones; at surface points alone
     the force was off by 75, 4 (by luck) and 36 %."""

@@ -204,10 +204,10 @@ def test_tools_of_one_outline_press_alike(model: str) -> None:
 
 
 @both
-@pytest.mark.parametrize(("cell", "within"), [(0.02, 0.15), (0.01, 0.06)])
+@pytest.mark.parametrize(("cell", "within"), [(0.02, 0.08), (0.01, 0.04)])
 def test_a_cube_as_a_mesh_presses_as_a_box(cell: float, within: float, model: str) -> None:
-    """Once it was 5.12 and 3.65 N, where a box gave 6.04 and 5.79. With round edges both are 12 % too soft by FEM and 7
-    by XPBD on cells of 20 mm, two thirds of the cube's edge, of which the edges are rounded by 4 mm."""
+    """Once it was 5.12 and 3.65 N, where a box gave 6.04 and 5.79. With round edges both are up to 7 % too soft by FEM and
+    4 by XPBD on cells of 20 mm, two thirds of the cube's edge, of which the edges are rounded by 3 mm."""
     files = {"cube.obj": solids.obj(*solids.box((0.03, 0.03, 0.03)))}
     at = [0, 0, 0.0555]
     size = (0.08, 0.08, 0.04)
@@ -220,10 +220,10 @@ def test_a_cube_as_a_mesh_presses_as_a_box(cell: float, within: float, model: st
 
 
 @pytest.mark.parametrize(
-    ("cell", "model", "within"), [(0.02, "fem", 0.18), (0.12 / 9, "fem", 0.12), (0.12 / 9, "pbd", 0.1)]
+    ("cell", "model", "within"), [(0.02, "fem", 0.12), (0.12 / 9, "fem", 0.08), (0.12 / 9, "pbd", 0.06)]
 )
 def test_the_flat_end_of_a_cylinder(cell: float, model: str, within: float) -> None:
-    """Its rim is round by a fifth of a cell, and more than two cells go on its width: 16, 9 and 8 % too soft."""
+    """Its rim is round by .15 of a cell, and more than two cells go on its width: 10, 7 and 5 % too soft."""
     tool = {"kind": "cylinder", "radius": 0.015, "length": 0.02, "position": [0, 0, 0.0905]}
     force = pressed(scene_of(tool, 0.8e-3, (0.12, 0.12, 0.08), cell, 50e3, 0.3, model))
     assert force == pytest.approx(ROUND, rel=within)
@@ -232,28 +232,31 @@ def test_the_flat_end_of_a_cylinder(cell: float, model: str, within: float) -> N
 @both
 @pytest.mark.parametrize(("x", "turn"), [(0.0, 0.0), (THIRD / 4, 0.0), (0.0, 0.3)])
 def test_a_flat_face_presses_by_what_it_covers(x: float, turn: float, model: str) -> None:
-    """A square of 30 mm as a mesh, on cells of 13.3 mm in whose faces its edges are; with round edges up to 12 %
-    too little by FEM and 7 by XPBD, least where they lie along rows of patches."""
+    """A square of 30 mm as a mesh, on cells of 13.3 mm in whose faces its edges are; with round edges up to 10 %
+    too little by FEM, and 7 too much or too little by XPBD."""
     files = {"punch.obj": solids.obj(*solids.box((0.03, 0.03, 0.03)))}
     tool = {"kind": "mesh", "path": "punch.obj", "position": [x, x, 2 * THIRD + 0.0155], "rotation": [0, 0, turn]}
     force = pressed(scene_of(tool, 1.5e-3, (4 * THIRD, 4 * THIRD, 2 * THIRD), THIRD, 50e3, 0.3, model), files)
-    assert force == pytest.approx(SQUARE_END, rel=0.14 if model == "fem" else 0.09)
+    assert force == pytest.approx(SQUARE_END, rel=0.11 if model == "fem" else 0.08)
 
 
-FIRM = "a patch whose places a tool covers in part is pushed at its middle: 42 % too firm by FEM, 66 by XPBD"
-UNFELT = "between places of patches nothing is felt: a box of 1 mm by 0 to .1 N"
+FIRM = "half way between nodes a cell yields less than at them: 61 % too firm"
 
 
-@both
 @pytest.mark.parametrize(
-    "x", [0.0, pytest.param(THIRD / 4, marks=pytest.mark.xfail(reason=FIRM, strict=True)), THIRD / 2]
+    ("x", "model"),
+    [
+        *((x, model) for x in (0.0, THIRD / 2) for model in ("fem", "pbd")),
+        (THIRD / 4, "fem"),
+        pytest.param(THIRD / 4, "pbd", marks=pytest.mark.xfail(reason=FIRM, strict=True)),
+    ],
 )
 def test_an_end_of_half_a_cell(x: float, model: str) -> None:
-    """A cylinder of 6 mm: in the middle of cells and faces and at corners. Between them, where four patches are covered
-    in part, it is felt too firmly."""
+    """A cylinder of 6 mm: in the middle of cells and faces and at corners 8 to 16 % too soft, between them 25 % too firm,
+    for there a cell's functions yield less."""
     tool = {"kind": "cylinder", "radius": 3e-3, "length": 0.02, "position": [x, x, 2 * THIRD + 0.0105]}
     force = pressed(scene_of(tool, 3e-4, (4 * THIRD, 4 * THIRD, 2 * THIRD), THIRD, 50e3, 0.3, model))
-    assert force == pytest.approx(ROUND_END, rel=0.12)
+    assert force == pytest.approx(ROUND_END, rel=0.28 if x == THIRD / 4 else 0.17)
 
 
 @pytest.mark.parametrize("x", [0.0, 2.5e-3])
@@ -266,17 +269,18 @@ def test_a_rod_over_the_seam_of_two_models(x: float) -> None:
 @pytest.mark.parametrize(
     ("cell", "width", "within"),
     [
-        (0.01, 3e-3, 0.15),
-        (0.006, 1e-3, 0.2),
+        (0.02, 1e-3, 0.85),
+        (0.01, 1e-3, 0.45),
+        (0.01, 2e-3, 0.3),
+        (0.01, 3e-3, 0.2),
+        (0.006, 1e-3, 0.23),
         (0.006, 2e-3, 0.15),
         (0.006, 3e-3, 0.15),
-        pytest.param(0.01, 1e-3, 0.5, marks=pytest.mark.xfail(reason=UNFELT, strict=True)),
     ],
 )
 def test_a_box_narrower_than_a_block_presses_as_a_blade(cell: float, width: float, within: float) -> None:
-    """As if XPBD's blocks yielded by the inverse of the width, 1 mm was felt with .33 and .43 N. Places of patches lie
-    a twelfth of a cell apart, and edges are rounded by .45 of a wall: what is narrower than a sixth of a cell may lie
-    between them."""
+    """On cells of 20 mm, and of 10 at one place of three, too firmly: a cell has no waves as short as a blade. With patches
+    looked at in nine places alone 1 mm was felt with 0 to .1 N."""
     for x in (0.0, 3.1e-3, 5e-3):
         tool = {"kind": "box", "size": [width, 0.08, 0.02], "position": [x, 0, 0.0405]}
         scene = scene_of(tool, 1e-3, (0.06, 0.06, 0.03), cell, 20e3, 0.4, "pbd")

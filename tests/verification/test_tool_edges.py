@@ -53,7 +53,7 @@ def press(run: FemRun, levels: list[float], steps: int = 15) -> np.ndarray:
     return np.array(held)
 
 
-@pytest.mark.parametrize(("n_cells", "within"), [(2, 0.17), (3, 0.085), (4, 0.045), (5, 0.02)])
+@pytest.mark.parametrize(("n_cells", "within"), [(2, 0.17), (3, 0.085), (4, 0.05), (5, 0.02)])
 def test_a_pad_smaller_than_the_face_is_held_with_the_converged_force(n_cells: int, within: float) -> None:
     """The edge is at 60, 40, 20 and 0 % of a cell; with contact at nodes alone it was off by 22, 50 and 18 %."""
     held = press(pads(n_cells), [0.05, 0.1, 0.15])
@@ -128,7 +128,7 @@ def test_tofu_squeezed_to_three_fifths_between_pads_comes_to_rest() -> None:
         slip.append(report.quantities["slip"])
     simulation.close()
     assert max(iterations[-5:]) <= 12
-    assert max(slip) < 2.6e-3
+    assert max(slip) < 3e-3
 
 
 def test_a_pad_that_ends_where_cells_do_holds_what_a_bonded_one_does() -> None:

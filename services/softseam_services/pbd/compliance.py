@@ -176,7 +176,7 @@ class SeamProbe:
             self._benches.append(_Bench(start, work, scratch, probing, new_workspace()))
 
     def compliance(
-        self, x: Floats, force: Floats, position: Floats, orientation: Floats, ramp: bool = False
+        self, x: Floats, force: Floats, lean: Floats, position: Floats, orientation: Floats, ramp: bool = False
     ) -> tuple[Floats, Ways]:
         """d(seam x at the end of a step)/d(seam force), constant over the step, about the positions x (3s, 3s) [m/N].
 
@@ -199,6 +199,7 @@ class SeamProbe:
             np.take(self._patch, self._used, axis=0, out=bench.scratch.contacts.patch)
             np.take(x, self.ids, axis=0, out=bench.start.x)
             np.take(force, self._used, axis=0, out=bench.start.force)
+            np.take(lean, self._used, axis=0, out=bench.start.lean)
 
         def probe(place: int) -> None:
             bench = self._benches[place]

@@ -144,8 +144,6 @@ class Contacts(NamedTuple):
     """places of the points (p, 3) [m]"""
     patch: Floats
     """edges of points' patches as the step begins, 0 but inside faces that tools with edges press (p, 2, 3) [m]"""
-    lean: Floats
-    """where on them a tool presses them then, in their edges from the middle (p, t, 2) [1]"""
     slow: NDArray[np.bool_]
     """tools that go by less than a patch in the step (t,)"""
 
@@ -221,7 +219,6 @@ def new_contacts(model: ModelArrays, n: int, t: int) -> Contacts:
         motion=np.zeros((2, t, 12)),
         point_x=np.zeros((p, 3)),
         patch=np.zeros((p, 2, 3)),
-        lean=np.zeros((p, t, 2)),
         slow=np.ones(t, dtype=np.bool_),
     )
 

@@ -177,7 +177,7 @@ class PbdSolver:
     def _compliance(self, request: Advance) -> Floats:
         """Probe the committed state, and keep what was probed, so that a restored participant can probe it again."""
         committed, tools, ramp = self._committed, request.tools, len(request.seam_force_start) > 0
-        parts = (committed.x, committed.force, tools.position, tools.orientation)
+        parts = (committed.x, committed.force, committed.lean, tools.position, tools.orientation)
         self._probed = np.concatenate([[request.dt], *(part.ravel() for part in parts)])
         compliance, self._ways = self._probe_again(ramp)
         if ramp:
@@ -193,12 +193,13 @@ class PbdSolver:
         """Compliance of the seam and ways of the nodes in the state that is in `_probed`."""
         model = self.model
         self._probe = self._probe_for(float(self._probed[0]))
-        shapes = ((model.n_nodes, 3), (model.n_points, model.n_tools, 3), (model.n_tools, 3), (model.n_tools, 4))
+        of_points = model.n_points, model.n_tools
+        shapes = ((model.n_nodes, 3), (*of_points, 3), (*of_points, 2), (model.n_tools, 3), (model.n_tools, 4))
         ends = np.cumsum([1, *(int(np.prod(shape)) for shape in shapes)])
-        x, force, position, orientation = (
+        x, force, lean, position, orientation = (
             self._probed[ends[at] : ends[at + 1]].reshape(shape) for at, shape in enumerate(shapes)
         )
-        return self._probe.compliance(x, force, position, orientation, ramp)
+        return self._probe.compliance(x, force, lean, position, orientation, ramp)
 
     def _correctable(self) -> bool:
         """Whether the tentative step is one that the probe speaks of."""
@@ -257,7 +258,7 @@ class PbdSolver:
     def restore(self, state: bytes) -> None:
         """Take over a snapshot of the same region; a tentative step is dropped."""
         model, t = self.model, self.model.n_tools
-        most_probed = 1 + 3 * model.n_nodes + 3 * model.n_points * t + 7 * t
+        most_probed = 1 + 3 * model.n_nodes + 5 * model.n_points * t + 7 * t
         self._probed = decode_state(state, self._committed, most_probed)
         self._ways = no_ways()
         if len(self._probed):

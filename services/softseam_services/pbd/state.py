@@ -33,6 +33,9 @@ class PbdState(NamedTuple):
     steady: Floats
     """of each tool on each point: pressure with a memory, by which friction is bounded, and how far friction went
     beyond the pressure so far, see kernels/contact.py (p, t, 2) [N]"""
+    lean: Floats
+    """where on its patch each tool presses each point inside a face, in the patch's edges from its middle; 0 at others
+    (p, t, 2) [1]"""
     force_mean: Floats
     """contact forces, mean over the substeps of the last step (p, t, 3) [N]"""
     monitor: Floats
@@ -41,7 +44,7 @@ class PbdState(NamedTuple):
 
 def new_state(n: int, b: int, p: int, t: int) -> PbdState:
     """A zero state for n nodes, b batches, p points and t tools."""
-    shapes = ((n, 3), (n, 3), (n, 3), (b, N_STRESS), (p, t, 3), (p, t, 3), (p, t, 2), (p, t, 3), (N_MONITOR,))
+    shapes = ((n, 3), (n, 3), (n, 3), (b, N_STRESS), (p, t, 3), (p, t, 3), (p, t, 2), (p, t, 2), (p, t, 3), (N_MONITOR,))
     sizes = [int(np.prod(shape)) for shape in shapes]
     buffer = np.zeros(sum(sizes))
     ends = np.cumsum(sizes)
@@ -49,7 +52,7 @@ def new_state(n: int, b: int, p: int, t: int) -> PbdState:
     return PbdState(buffer, *views)
 
 
-MAGIC = b"softseam pbd 5\n"
+MAGIC = b"softseam pbd 6\n"
 
 
 def encode_state(state: PbdState, probed: Floats) -> bytes:

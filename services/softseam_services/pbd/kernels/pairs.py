@@ -26,7 +26,7 @@ STEADY      2  pressure with a memory, by which friction is bounded, and how far
 GRADE       1  slope of eq. (2) of tools/kernels/patch.py, 1 where that is not looked at
 PATCH       6  edges of the point's patch under a tool with edges as the substep begins, else 0 [m]
 LEAN        2  where on it the force acts in this substep, in its edges from the middle [1]
-NEXT        2  the same of the next one, which is where the tool presses it in this
+NEXT        2  where the tool presses it, which LEAN follows
 LAG         1  how much farther a point that is pressed firmly is inside for the tool's being round [m]
 FACED       3  outward normal, in a box's frame, of the side that the point faced when the substep began, 0 where it
                faced none
@@ -60,6 +60,8 @@ DEEPEST_ROUNDOFF = 1e-9
 """penetrations below this are roundoff of a closed contact [m]"""
 NEAR = 4.0
 """how far a patch reaches beside its middle, in margins of contact"""
+EASE = 0.25
+"""of what LEAN lacks of NEXT, taken in a substep: all of it turns patches to and fro that are stiffer than their block"""
 RANKS, NOT_FOUND = 3, 3.0
 """of pairs, see `find_pairs`"""
 EXACT, STEEP = 1.001, 2.0
@@ -140,14 +142,13 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
 
     Under tools that go by LAG is 0: other patches would be pressed then, and cut into what yields more."""
     softness, lags, force = parameters.point_give, parameters.point_lag, state.force
-    found, lean = contacts.found, contacts.lean
+    found, lean = contacts.found, state.lean
     kind, shape, point_x = parameters.kind[tool], parameters.shape[tool], contacts.point_x
     place, turn, places = three(inputs.position, tool), four(inputs.orientation, tool), parameters.places[tool]
     # Cheap: outside the ball around the tool there is nothing to touch.
     reach = (margin + parameters.reach[tool]) ** 2
     for point in range(len(point_x)):
         found[point, 2] = NOT_FOUND
-        lean[point, tool, 0] = lean[point, tool, 1] = 0.0
         if not model.touches[point, tool]:
             continue
         x = three(point_x, point)
@@ -163,9 +164,11 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
             gap -= NEAR * parameters.margin
             if gap < margin:
                 patch = contacts.patch[point]
-                depth, grade, nx, ny, nz, lean[point, tool, 0], lean[point, tool, 1] = patch_press(
+                depth, grade, nx, ny, nz, s, t = patch_press(
                     *(kind, shape, place, turn, x, patch[0], patch[1], 0.0, places)
                 )
+                if not carried:
+                    lean[point, tool, 0], lean[point, tool, 1] = s, t
                 gap = -depth / grade if depth > 0.0 else max(0.0, gap)
         if gap >= margin and not carried:
             state.steady[point, tool] = 0.0
@@ -215,7 +218,7 @@ def _add_pair(model, parameters, state, contacts, tool, point, hh, first_open, n
         for c in range(3):
             row[EIGHT * (PATCH + c) + lane] = contacts.patch[point, 0, c]
             row[EIGHT * (PATCH + 3 + c) + lane] = contacts.patch[point, 1, c]
-        s, t = contacts.lean[point, tool, 0], contacts.lean[point, tool, 1]
+        s, t = state.lean[point, tool, 0], state.lean[point, tool, 1]
         row[EIGHT * LEAN + lane], row[EIGHT * (LEAN + 1) + lane] = s, t
         row[EIGHT * NEXT + lane], row[EIGHT * (NEXT + 1) + lane] = s, t
         give = 0.0
@@ -275,8 +278,9 @@ def lean_group(group, model, parameters, hh, pairs, rows, xw, a):
         point = rows[group, POINT + lane]
         if point < model.n_surface:
             continue
-        s, t = row[EIGHT * NEXT + lane], row[EIGHT * (NEXT + 1) + lane]
-        ahead, aside = s - row[EIGHT * LEAN + lane], t - row[EIGHT * (LEAN + 1) + lane]
+        s, t = row[EIGHT * LEAN + lane], row[EIGHT * (LEAN + 1) + lane]
+        ahead, aside = EASE * (row[EIGHT * NEXT + lane] - s), EASE * (row[EIGHT * (NEXT + 1) + lane] - t)
+        s, t = s + ahead, t + aside
         row[EIGHT * LEAN + lane], row[EIGHT * (LEAN + 1) + lane] = s, t
         give = 0.0
         for c in range(6):
@@ -388,6 +392,7 @@ def store_pairs(contacts, state, wrench):
                 work += pairs[group, EIGHT * WORK + lane]
                 for c in range(2):
                     state.steady[point, tool, c] = pairs[group, EIGHT * (STEADY + c) + lane]
+                    state.lean[point, tool, c] = pairs[group, EIGHT * (LEAN + c) + lane]
                 for c in range(3):
                     mean = pairs[group, EIGHT * (MEAN + c) + lane]
                     force[point, tool, c] = pairs[group, EIGHT * (FORCE + c) + lane]

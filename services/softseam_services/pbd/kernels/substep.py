@@ -30,13 +30,13 @@ LEAST, LEAST_BATCHES = 256, 8
 
 
 @njit(cache=True, error_model="numpy")
-def carried(model, parameters, state, lean, xw, pull):
+def carried(model, parameters, state, xw, pull):
     """A of eq. (1) from the blocks' forces in pull (n + 8, 4) [N], updated in place, and the contacts', into state.a.
 
     Once a step: added up over the substeps alone, the roundings of (x - x*)/h^2 grow into a force on the whole body.
     """
     indptr, node, weight, tilt = model.indptr, model.node, parameters.weight, parameters.tilt
-    force, a = state.force, state.a
+    force, lean, a = state.force, state.lean, state.a
     for point in range(len(force)):
         for tool in range(force.shape[1]):
             s, t = lean[point, tool, 0], lean[point, tool, 1]
@@ -138,7 +138,7 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
         before, stretch = before + n_batches, stretch + 1
     if worker == 0:
         wait_for(team, before)
-        carried(model, parameters, state, contacts.lean, xw, pull)
+        carried(model, parameters, state, xw, pull)
         done(team, worker, 1)
     before += 1
     for substep in range(n_substeps):
