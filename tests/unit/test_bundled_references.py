@@ -47,7 +47,7 @@ OTHERWISE: dict[str, dict[str, float]] = {
     },
     "sausage_bend": {"end.von_mises": 0.025, "end.displacement": 0.003, "middle.von_mises": 0.003},
     "silken_tofu": {
-        "grip_force": 0.03, "lift_height": 0.025, "slip": 0.04, "peak_von_mises": 0.06, "sag": 0.1,
+        "grip_force": 0.03, "lift_height": 0.05, "slip": 0.04, "peak_von_mises": 0.06, "sag": 0.1,
         "compression": 0.055,
     },
     "tofu_pads": {

@@ -52,10 +52,7 @@ def difference(one: NDArray[np.float64], reference: NDArray[np.float64]) -> floa
     [
         ("tofu_grasp", ("grip_force", "lift_height")),
         ("tofu_pads", ("grip_force", "lift_height")),
-        pytest.param(
-            *("tofu_slab", ("grip_force", "lift_height")),
-            marks=pytest.mark.xfail(strict=True, reason="rows of points snap over a finger's edge: decision 19"),
-        ),
+        ("tofu_slab", ("grip_force", "lift_height")),
         ("cantilever", ("tip_deflection",)),
     ],
 )

@@ -108,17 +108,19 @@ def test_pads_that_carry_press_as_pads_at_rest() -> None:
 
 
 def test_friction_of_a_pad_between_points() -> None:
-    """Pushed aside by 0.1 mm the pads stick, by 8 mm they slip: then the pull is mu times what they press with."""
+    """Pushed aside by 0.1 mm the pads stick, by 8 mm they slip: then the pull is mu times what they press with, up to a
+    quarter more or less as rows of points pass an edge, and 6 to 12 % less in the mean, for that is round."""
     middle = [{"min": (-1.0, -1.0, 0.02), "max": (1.0, 1.0, 0.03)}]
     run = pads(0.01, friction=0.3, fixed=middle)
     squeezed(run, 0.05)
     pulls = []
     for way in (1e-4, 8e-3):
         run.velocity[:, 0] = way / 0.2
-        wrench = run.run(0.2)[-1].wrench
-        pulls.append(np.abs(wrench[:, 0] / wrench[:, 2]))
-    assert (pulls[0] < 0.1).all()
-    np.testing.assert_allclose(pulls[1], 0.3, rtol=0.15)  # rows of points that pass its edge push and pull
+        wrench = np.array([reply.wrench for reply in run.run(0.2)])
+        pulls.append(np.abs(wrench[:, :, 0] / wrench[:, :, 2]))
+    assert (pulls[0][-1] < 0.1).all()
+    np.testing.assert_allclose(pulls[1][-1], 0.3, rtol=0.25)
+    np.testing.assert_allclose(pulls[1][4:].mean(axis=0), 0.3, rtol=0.13)
 
 
 def test_what_tools_feel_is_what_the_body_feels() -> None:

@@ -109,7 +109,7 @@ def test_a_cube_that_pads_turn_is_held_as_it_was() -> None:
         run.step(turned=turned)
     run.run(0.5)
     away = (run.x - [0.0, 0.0, 0.025]) * [1.0, -1.0, -1.0] + [0.0, 0.0, 0.025] - before
-    assert np.abs(away).max() < 1e-6
+    assert np.abs(away).max() < 5e-6
     assert np.abs(run.solver.state.contact[:, :, 1:3]).sum() == pytest.approx(held, rel=1e-3)
 
 

@@ -99,12 +99,16 @@ class Levels:
             follow(x, v, self.hanging)
 
     def rows(self, indptr: Ints, node: Ints, weight: Floats) -> tuple[Ints, Ints, Floats]:
-        """Sparse rows over all nodes as rows over those that are free to move."""
+        """Sparse rows over all nodes as rows over those that are free to move, with the same entries whatever weighs."""
         if self.ties is None:
             return indptr, node, weight
-        own = csr_array((weight, node, indptr), shape=(len(indptr) - 1, len(self.hangs))) @ self.ties
-        own.sort_indices()
-        return own.indptr.astype(np.int32), own.indices.astype(np.int32), np.ascontiguousarray(own.data)
+        shape = len(indptr) - 1, len(self.hangs)
+        entries = csr_array((np.ones(len(node)), node, indptr), shape=shape) @ self.ties
+        entries.sort_indices()
+        row = np.repeat(np.arange(shape[0]), np.diff(entries.indptr))
+        own = csr_array((weight, node, indptr), shape=shape) @ self.ties
+        data = np.asarray(own[row, entries.indices], dtype=np.float64).ravel()
+        return entries.indptr.astype(np.int32), entries.indices.astype(np.int32), data
 
     def touching(self, active: Mask, rows: tuple[Ints, Ints], seam: Ints) -> Mask:
         """Points (p,) of those `active` that meet tools; rows say how they follow nodes that are free to move.
