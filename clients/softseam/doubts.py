@@ -156,7 +156,7 @@ def _fine_friction(scene: Scene, apart: float, finer: str) -> list[str]:
 def _thin_tools(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
     """Tools so narrow that they fit between the points inside faces of a block, or part them and pass when pressed."""
     from softseam_services.body.contact_points import is_embedded
-    from softseam_services.tools.face_points import PATCHES
+    from softseam_services.tools.edged import PATCHES
 
     if is_embedded(body):
         return []

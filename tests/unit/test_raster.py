@@ -24,7 +24,7 @@ def test_a_line_from_before_the_eye_to_behind_it(behind: float) -> None:
         canvas.lines(np.array([[[0.0, 0.5, 0.0], [0.0, end, 0.0]]]), RED, width=2.0)
         pictures.append(drawn(canvas))
     assert pictures[0].sum() > 60
-    np.testing.assert_array_equal(*pictures)
+    np.testing.assert_array_equal(pictures[0], pictures[1])
 
 
 def test_a_line_behind_the_eye_is_not_drawn() -> None:

@@ -206,8 +206,8 @@ def test_tools_of_one_outline_press_alike(model: str) -> None:
 @both
 @pytest.mark.parametrize(("cell", "within"), [(0.02, 0.08), (0.01, 0.04)])
 def test_a_cube_as_a_mesh_presses_as_a_box(cell: float, within: float, model: str) -> None:
-    """Once it was 5.12 and 3.65 N, where a box gave 6.04 and 5.79. With round edges both are up to 7 % too soft by FEM and
-    4 by XPBD on cells of 20 mm, two thirds of the cube's edge, of which the edges are rounded by 3 mm."""
+    """Once it was 5.12 and 3.65 N, where a box gave 6.04 and 5.79. With round edges both are up to 7 % too soft by FEM
+    and 4 by XPBD on cells of 20 mm, two thirds of the cube's edge, of which the edges are rounded by 3 mm."""
     files = {"cube.obj": solids.obj(*solids.box((0.03, 0.03, 0.03)))}
     at = [0, 0, 0.0555]
     size = (0.08, 0.08, 0.04)
@@ -252,8 +252,8 @@ FIRM = "half way between nodes a cell yields less than at them: 61 % too firm"
     ],
 )
 def test_an_end_of_half_a_cell(x: float, model: str) -> None:
-    """A cylinder of 6 mm: in the middle of cells and faces and at corners 8 to 16 % too soft, between them 25 % too firm,
-    for there a cell's functions yield less."""
+    """A cylinder of 6 mm: in the middle of cells and faces and at corners 8 to 16 % too soft, between them 25 % too
+    firm, for there a cell's functions yield less."""
     tool = {"kind": "cylinder", "radius": 3e-3, "length": 0.02, "position": [x, x, 2 * THIRD + 0.0105]}
     force = pressed(scene_of(tool, 3e-4, (4 * THIRD, 4 * THIRD, 2 * THIRD), THIRD, 50e3, 0.3, model))
     assert force == pytest.approx(ROUND_END, rel=0.28 if x == THIRD / 4 else 0.17)
@@ -279,8 +279,8 @@ def test_a_rod_over_the_seam_of_two_models(x: float) -> None:
     ],
 )
 def test_a_box_narrower_than_a_block_presses_as_a_blade(cell: float, width: float, within: float) -> None:
-    """On cells of 20 mm, and of 10 at one place of three, too firmly: a cell has no waves as short as a blade. With patches
-    looked at in nine places alone 1 mm was felt with 0 to .1 N."""
+    """On cells of 20 mm, and of 10 at one place of three, too firmly: a cell has no waves as short as a blade. With
+    patches looked at in nine places alone 1 mm was felt with 0 to .1 N."""
     for x in (0.0, 3.1e-3, 5e-3):
         tool = {"kind": "box", "size": [width, 0.08, 0.02], "position": [x, 0, 0.0405]}
         scene = scene_of(tool, 1e-3, (0.06, 0.06, 0.03), cell, 20e3, 0.4, "pbd")

@@ -99,7 +99,7 @@ class Levels:
             follow(x, v, self.hanging)
 
     def rows(self, indptr: Ints, node: Ints, weight: Floats) -> tuple[Ints, Ints, Floats]:
-        """Sparse rows over all nodes as rows over those that are free to move, with the same entries whatever weighs."""
+        """Sparse rows over all nodes as rows over those that are free to move: the same entries for all weights."""
         if self.ties is None:
             return indptr, node, weight
         shape = len(indptr) - 1, len(self.hangs)

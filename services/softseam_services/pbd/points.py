@@ -64,6 +64,7 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
         return Points((indptr, node, weight), np.zeros((len(weight), 2)), touches, give, lag, visits)
     inner = face_points(body, region, outer_faces(body, region), "hex8")
     h = inner.edge[inner.face] * np.where(coarse[inner.cell], 1.0, 0.5)  # of blocks
+    visits = _by_colours(body, region, inner.indptr, inner.node)
     touches &= ~(between & np.isin(node, inner.node)[:, None])
     return Points(
         (
@@ -75,7 +76,7 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
         np.concatenate([touches, np.tile(between, (len(inner.cell), 1))]),
         np.concatenate([give, h / (DENSE * _young(body, region, inner) * inner.area)]),
         np.concatenate([lag, (1.0 - LIGHT / DENSE) * tools.bends * _sag(tools.half_width, h[:, None])]),
-        np.arange(len(touches) + len(inner.cell), dtype=np.int32),
+        np.concatenate([np.arange(len(touches), dtype=np.int32), len(touches) + visits]),
     )
 
 

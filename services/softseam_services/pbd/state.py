@@ -44,7 +44,8 @@ class PbdState(NamedTuple):
 
 def new_state(n: int, b: int, p: int, t: int) -> PbdState:
     """A zero state for n nodes, b batches, p points and t tools."""
-    shapes = ((n, 3), (n, 3), (n, 3), (b, N_STRESS), (p, t, 3), (p, t, 3), (p, t, 2), (p, t, 2), (p, t, 3), (N_MONITOR,))
+    of_points = (p, t, 3), (p, t, 3), (p, t, 2), (p, t, 2), (p, t, 3)
+    shapes = ((n, 3), (n, 3), (n, 3), (b, N_STRESS), *of_points, (N_MONITOR,))
     sizes = [int(np.prod(shape)) for shape in shapes]
     buffer = np.zeros(sum(sizes))
     ends = np.cumsum(sizes)

@@ -29,7 +29,7 @@ import numpy as np
 
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import PLANE
-from softseam_services.tools.kernels import SLOW, patch_yields, rotate, rotate_back
+from softseam_services.tools.kernels import SLOW, patch_yields, rotate, rotate_back, steepness
 
 from .copy_rows import copy_rows
 from .faced import face_sides, faced_gap, faces
@@ -64,7 +64,6 @@ from .pairs import (
     lean_group,
     move_group,
     place_group,
-    steepness,
 )
 from .tool_motion import twelve
 

@@ -40,8 +40,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
-from softseam_services.tools.kernels import bent, patch_press, patch_yields, tool_gap, tool_travel
+from softseam_services.tools.kernels import bent, patch_press, patch_yields, steepness, tool_gap, tool_travel
 
 from .lanes import LANES, four, three, transpose_four
 
@@ -61,19 +60,9 @@ DEEPEST_ROUNDOFF = 1e-9
 NEAR = 4.0
 """how far a patch reaches beside its middle, in margins of contact"""
 EASE = 0.25
-"""of what LEAN lacks of NEXT, taken in a substep: all of it turns patches to and fro that are stiffer than their block"""
+"""of what LEAN lacks of NEXT, taken in a substep: all of it turns patches to and fro that are stiffer than blocks"""
 RANKS, NOT_FOUND = 3, 3.0
 """of pairs, see `find_pairs`"""
-EXACT, STEEP = 1.001, 2.0
-"""how much a gap changes at most as a point or a tool goes one length: as much, but for rounding; and that to a mesh,
-which is a polynomial's, or to a shape that is added"""
-
-
-@njit(cache=True, error_model="numpy")
-def steepness(kind):
-    """EXACT or STEEP."""
-    exact = kind == PLANE or kind == BOX or kind == SPHERE or kind == CAPSULE or kind == CYLINDER
-    return EXACT if exact else STEEP
 
 
 @njit(cache=True, error_model="numpy")
@@ -169,7 +158,7 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
                 )
                 if not carried:
                     lean[point, tool, 0], lean[point, tool, 1] = s, t
-                gap = -depth / grade if depth > 0.0 else max(0.0, gap)
+                gap = -depth / grade
         if gap >= margin and not carried:
             state.steady[point, tool] = 0.0
             continue
@@ -270,8 +259,8 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
 
 @njit(cache=True, error_model="numpy")
 def lean_group(group, model, parameters, hh, pairs, rows, xw, a):
-    """A substep begins where nodes are at xw (n + 8, 4): PATCH, LEAN and GIVE of points on patches, in place. Forces that
-    are carried act elsewhere on them now, and so they do in the nodes' accelerations a (n, 3) [m/s^2]."""
+    """A substep begins where nodes are at xw (n + 8, 4): PATCH, LEAN and GIVE of points on patches, in place. Forces
+    that are carried act elsewhere on them now, and so they do in the nodes' accelerations a (n, 3) [m/s^2]."""
     indptr, node, weight, tilt = model.indptr, model.node, parameters.weight, parameters.tilt
     row = pairs[group]
     for lane in range(EIGHT):

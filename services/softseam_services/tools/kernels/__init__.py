@@ -15,6 +15,7 @@ from softseam_services.tools.kernels.patch import (
     press,
     sag_by,
     sag_under,
+    steepness,
 )
 from softseam_services.tools.kernels.sides import side_along, side_gap
 
@@ -38,6 +39,7 @@ __all__ = [
     "sag_under",
     "side_along",
     "side_gap",
+    "steepness",
     "swept_gap",
     "tool_gap",
     "tool_travel",

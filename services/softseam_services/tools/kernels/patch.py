@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.shapes.branches import CYLINDER
+from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
 from softseam_services.shapes.distance import tool_gap
 from softseam_services.shapes.turns import rotate
 
@@ -32,8 +32,20 @@ LIGHT = 2.5
 """the same of a patch that hardly touches what is round"""
 SAG, WIDE = 0.08, 6.0
 """of eq. (1)"""
+EXACT, STEEP = 1.001, 2.0
+"""how much a gap changes at most as a point or a tool goes one length: as much, but for rounding; and that to a mesh,
+which is a polynomial's, or to a shape that is added"""
+_ALIKE = 1e-12
+"""of the cosine of normals that are one"""
 _NO_FORCE = 1e-300
 """times a compliance [m]"""
+
+
+@njit(cache=True, error_model="numpy")
+def steepness(kind):
+    """EXACT or STEEP."""
+    exact = kind == PLANE or kind == BOX or kind == SPHERE or kind == CAPSULE or kind == CYLINDER
+    return EXACT if exact else STEEP
 
 
 @njit(cache=True, error_model="numpy")
@@ -75,8 +87,32 @@ def bent(kind, orientation, nx, ny, nz):
 def patch_press(kind, shape, position, orientation, point, u, v, sag, places):
     """Eq. (2) over r of the patch of middle (3,) and edges u, v (3,): F [m], its slope [1] and its direction.
 
-    F is minus the least gap where the tool does not reach it; then the direction is that of the middle.
+    F is minus the least gap, or less, where the tool does not reach it; then the direction is that of the middle. Last
+    come the means of s and t over the patch, from -1/2 to 1/2, by what presses there along that direction.
     """
+    gap, nx, ny, nz = tool_gap(kind, shape, position, orientation, point)
+    reach = 0.5 * (np.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) + np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]))
+    reach *= steepness(kind)
+    if gap > reach:
+        return reach - gap, 1.0, nx, ny, nz, 0.0, 0.0
+    by_u, by_v = nx * u[0] + ny * u[1] + nz * u[2], nx * v[0] + ny * v[1] + nz * v[2]
+    about = 0.5 * (abs(by_u) + abs(by_v))
+    if abs(gap) > about and (gap > 0.0 or sag == 0.0):
+        flat = True
+        for corner in range(4):
+            s, t = (corner // 2) - 0.5, (corner % 2) - 0.5
+            at = (
+                point[0] + s * u[0] + t * v[0],
+                point[1] + s * u[1] + t * v[1],
+                point[2] + s * u[2] + t * v[2],
+            )
+            _, mx, my, mz = tool_gap(kind, shape, position, orientation, at)
+            flat = flat and mx * nx + my * ny + mz * nz > 1.0 - _ALIKE
+        if flat and gap > 0.0:
+            return about - gap, 1.0, nx, ny, nz, 0.0, 0.0
+        if flat:
+            share = (1.0 - 1.0 / places**2) / 12.0 / gap
+            return -gap, 1.0, nx, ny, nz, share * by_u, share * by_v
     least = np.inf
     ux = uy = uz = vx = vy = vz = 0.0
     fx = fy = fz = xx = xy = xz = yy = yz = zz = 0.0
