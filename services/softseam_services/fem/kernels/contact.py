@@ -30,7 +30,7 @@ gains energy in contact where r h^2 < m, and keeps less of an oscillation the la
 short steps have a stiffer r (`firmness`) where c = 1.
 
 Inside faces F of tools/kernels/patch.py takes the place of -r g in p, and its slope that of r in what n n^T has in
-eq. (2).
+eq. (2); under tools with edges the force acts beside the point on its patch, where work.lean says, and moves there.
 
 A point that comes by much in a step, and through a tool of which it faces no side, meets the plane at which it met the
 tool on its way: no tool is too thin for a fast body.

@@ -8,11 +8,12 @@ inside a tool by d the force is
 that is LIGHT E A d/h at first and r (d - (1 - q) s) deeper, or d = F/r + (1 - q) s F/(F + q r s); s = 0 under what is
 flat. With DENSE alone, what is round is felt up to a third too firmly where few patches touch.
 
-Under a tool with edges a patch is looked at in PLACES x PLACES places, each of which is inside by its own d and pushed
-along its own normal n, with its share of r:
-  F = mean F(d_q) n_q,   dF/dx along F's direction m:  mean F'(d_q) (n_q . m)^2                                    (2)
-So a patch is let go by and by as an edge passes. All of it is the slope of an energy of places: what a tool puts in it
-gets back.
+Under a tool with edges a patch x(s, t) = x + s u + t v, s and t from -1/2 to 1/2, is looked at in n x n places, each of
+which is inside by its own d and pushed along its own normal n, with its share of r. All of that acts at one place:
+  F = mean F(d_q) n_q,   dF/dx along F's direction m:  mean F'(d_q) (n_q . m)^2,
+  (s, t) = mean (s_q, t_q) F(d_q) n_q . m / |F|                                                                  (2)
+So a patch is let go by and by as an edge passes, and turns as it is pressed in part. All of it is the slope of an
+energy of places: what a tool puts in it gets back. Where a tool lies flat on all of a patch, its corners tell.
 """
 
 from __future__ import annotations
