@@ -49,7 +49,7 @@ def test_an_edge_between_points() -> None:
     run.velocity[:, 2] = -0.05
     before = run.step()
     reply = run.step()
-    assert (run.work.force[:, 0, 2] < 0.0).sum() == reply.n_contacts == 10
+    assert (run.work.force[:, 0, 2] < 0.0).sum() == reply.n_contacts == 12
     assert run.solver._scratch.arrays.contacts.patch.any(axis=(1, 2)).sum() == 6 * 16
     assert reply.wrench[0, 2] > 0.1
     change = (reply.momentum - before.momentum) / run.scene.step

@@ -242,8 +242,8 @@ def test_switches_between_levels_keep_momentum_and_the_ledger() -> None:
     """A spinning cube of FEM and coarse PBD, cut anew every 20 steps: P to 1e-12, L to 1e-10 over a switch, and every
     joule that a change of masses costs is booked.
 
-    Out of two models L comes to .2 % in a fall: the report has FEM's velocities as they are when the step ends, its
-    fields their mean over the step.
+    Out of two models L comes to 1e-5: what the last step gives back of the spin counts with the masses of coarse cells
+    in the report, and with those of all their nodes in the fields.
     """
     scene = Scene.model_validate(
         {
@@ -284,7 +284,7 @@ def test_switches_between_levels_keep_momentum_and_the_ledger() -> None:
         if step % 20 == 19:
             parts = len(simulation.regions.sides.names)
             simulation.set_near(cuts[step // 20])
-            held, off = _begun(simulation), {1: 1e-10, 2: 2e-3}[parts]
+            held, off = _begun(simulation), {1: 1e-10, 2: 1e-5}[parts]
             np.testing.assert_allclose(held[0], momentum, atol=1e-12 * float(np.linalg.norm(momentum)))
             np.testing.assert_allclose(held[1], angular, rtol=0.0, atol=off * float(np.linalg.norm(angular)))
     simulation.close()

@@ -65,7 +65,7 @@ def pressed(model: str, tool: str, depth: float = 0.001) -> tuple[float, float]:
     ("tool", "same", "within"),
     [
         ("mesh ball", "sphere", 0.02),
-        ("capsule", "cylinder", 0.05),
+        ("capsule", "cylinder", 0.08),
         ("mesh plate", "box", 1e-6),
         ("stood cylinder", "box", 1e-6),
         ("turned box", "box", 1e-6),
@@ -75,7 +75,7 @@ def test_tools_of_one_shape_press_alike(model: str, tool: str, same: str, within
     """A faceted ball is a ball; a capsule and a cylinder that lie across the block; flat tools, also larger ones.
 
     Tools that are no boxes sink in by a hundredth of the squeeze. A cylinder has edges, so that it sees a patch in
-    3 x 3 places and a capsule in its middle: 2.2 % apart by FEM, 3.5 by XPBD.
+    4 x 4 places and presses where it touches, a capsule in its middle: 5.7 % apart by FEM, 6.4 by XPBD.
     """
     force, torque = pressed(model, tool)
     expected, _ = pressed(model, same)

@@ -4,10 +4,6 @@ Each part tells sums over its nodes (body/kernels/turning.py). As a step begins,
 turn FEM predicts, and by what velocities are off after the step before: w_c about the centre and v_c, with which spin
 and momentum change by what acts from outside alone. Whether a body turns is seen a step late, for the step that follows
 may have begun with the correction of the one before (`step_ahead`).
-
-In a fall FEM's velocity is the mean of a step, XPBD's that of its last substep: FEM's is behind by g h/2 (1 - 1/n).
-That is no spin, though it counts as one where the parts are side by side, and what begins to fall turns against it:
-until something touches a body the spin that is kept is the one with what FEM's velocities lack.
 """
 
 from __future__ import annotations
@@ -45,7 +41,7 @@ class BodyTurn:
 
     def __init__(self) -> None:
         self._sums, self._change = np.full(N_SUMS, np.nan), np.zeros(_N_CHANGE)
-        self._turns, self._falls = False, False
+        self._turns = False
 
     def start(self, scene: Scene, meshes: Iterable[PartMesh | None], state: BodyState, dt: float) -> None:
         """The parts begin with this state of the whole body, with steps of dt [s]."""
@@ -57,7 +53,7 @@ class BodyTurn:
         self._sums = np.zeros(N_SUMS)
         for part in known:
             self._sums += sums_of(part.mass, state.x[part.nodes], state.v[part.nodes])
-        self._turns, self._falls = self._is_turning(dt), any(scene.gravity)
+        self._turns = self._is_turning(dt)
 
     def _is_turning(self, dt: float) -> bool:
         return bool(np.isfinite(self._sums[MASS]) and dt * rate_of(self._sums) > LEAST_TURN)
@@ -81,18 +77,11 @@ class BodyTurn:
         if not np.isfinite(start[MASS]) or not all(len(reply.sums) for reply in replies.values()):
             self._sums, self._turns = np.full(N_SUMS, np.nan), False
             return told
-        self._sums = end = np.sum([reply.sums for reply in replies.values()], axis=0)
-        mass = start[MASS]
-        before, centre = start[PLACE:MOTION] / mass, end[PLACE:MOTION] / mass
-        self._falls = self._falls and not any(reply.wrench.any() for reply in replies.values())
-        if self._falls:
-            self._turns = True
-            told |= _falling(replies, models, centre, dt * gravity)
-            end[ANGULAR:SECOND] += sum(
-                told[name].angular_momentum - one.angular_momentum for name, one in replies.items()
-            )
-        if not (turns or self._falls):
+        self._sums = np.sum([reply.sums for reply in replies.values()], axis=0)
+        if not turns:
             return told
+        mass, end = start[MASS], self._sums
+        before, centre = start[PLACE:MOTION] / mass, end[PLACE:MOTION] / mass
         push, torque = mass * gravity, np.zeros(3)
         for name, reply in replies.items():
             # FEM's forces act as a step ends, XPBD's over it
@@ -106,12 +95,10 @@ class BodyTurn:
         spin, _ = spin_and_inverse(start)
         found, inverse = spin_and_inverse(end)
         turn, shift = inverse @ (spin + dt * torque - found), (momentum - end[MOTION:ANGULAR]) / mass
+        self._change = np.concatenate([turn, shift])
         self._sums = end.copy()
         self._sums[MOTION:ANGULAR] = momentum
         self._sums[ANGULAR:SECOND] = spin + dt * torque + np.cross(centre, momentum)
-        if not turns:
-            return told  # the step that follows may have begun, and is set right as it ends
-        self._change = np.concatenate([turn, shift])
         return {name: _changed(reply, centre, turn, shift) for name, reply in told.items()}
 
     def seen(self, fields: dict[str, Fields]) -> dict[str, Fields]:
@@ -123,14 +110,13 @@ class BodyTurn:
 
     def to_array(self) -> Floats:
         """All of it, for a snapshot."""
-        return np.concatenate([self._sums, self._change, [float(self._turns), float(self._falls)]])
+        return np.concatenate([self._sums, self._change, [float(self._turns)]])
 
     def take(self, array: Floats) -> None:
         """Continue from `to_array`. Raises ValueError where this is of something else."""
-        if array.shape != (N_SUMS + _N_CHANGE + 2,):
+        if array.shape != (N_SUMS + _N_CHANGE + 1,):
             raise ValueError("it does not tell how the body turns")
-        self._sums, self._change = array[:N_SUMS].copy(), array[N_SUMS:-2].copy()
-        self._turns, self._falls = bool(array[-2]), bool(array[-1])
+        self._sums, self._change, self._turns = array[:N_SUMS].copy(), array[N_SUMS:-1].copy(), bool(array[-1])
 
 
 def _keeps_momentum(scene: Scene) -> bool:
@@ -140,19 +126,6 @@ def _keeps_momentum(scene: Scene) -> bool:
         return False
     drag = scene.body.damping if isinstance(scene.body, BodySpec) else 0.0
     return drag == 0.0 and scene.models.pbd.damping.mass == 0.0 and scene.models.fem.integrator == "implicit_euler"
-
-
-def _falling(
-    replies: Mapping[str, Advanced], models: Mapping[str, str], centre: Floats, gained: Floats
-) -> dict[str, Advanced]:
-    """The replies of FEM's parts with what their velocities lack of the one that the step gained [m/s], as spin."""
-    n = max((reply.n_substeps for name, reply in replies.items() if models[name] != "fem"), default=1)
-    found = {}
-    for name, reply in replies.items():
-        if models[name] == "fem":
-            spin = np.cross(reply.sums[PLACE:MOTION] - reply.sums[MASS] * centre, 0.5 * (1.0 - 1.0 / n) * gained)
-            found[name] = replace(reply, angular_momentum=reply.angular_momentum + spin)
-    return found
 
 
 def _changed(reply: Advanced, centre: Floats, turn: Floats, shift: Floats) -> Advanced:
