@@ -71,7 +71,6 @@ _EXTRA_OF = {
     "scipy": "solve",
     "manifold3d": "solve",
     "meshio": "solve",
-    "collada": "solve",
     "mcap": "solve",
     "zstandard": "solve",
     "rerun": "view",
