@@ -47,8 +47,6 @@ class ContactSlopes(NamedTuple):
     """forces of the cells, by which Young's modulus counts (3 n_free,) [N]"""
     right: Floats
     """right side of an equation (3 n_free,)"""
-    zero: Floats
-    """zeros (3 n_free,)"""
     d: Floats
     basis: Floats
     """of GMRES (MOST_ITERATIONS + 1, 3 n_free)"""
@@ -73,7 +71,6 @@ def build_slopes(work: Work) -> ContactSlopes:
         x=np.zeros((n, 3)),
         inner=np.zeros(free),
         right=np.zeros(free),
-        zero=np.zeros(free),
         d=np.zeros(free),
         basis=np.zeros((MOST_ITERATIONS + 1, free)),
         hessenberg=np.zeros((MOST_ITERATIONS + 1, MOST_ITERATIONS + 3)),

@@ -97,28 +97,47 @@ def _dot(a, b):
 
 
 @njit(cache=True, error_model="numpy")
-def _push_patch(c, scale, values, model, parameters, work, slopes, force, out):
-    """What a change of places does to a patch under a tool with edges: force (3,) += by its edges, and out += scale
-    times what the force does as it moves on the patch; values (3 n_free,)."""
+def _add_by_edges(c, values, model, parameters, work, slopes, force):
+    """force (3,) += what a change of the edges of a candidate's patch makes of it; values (3 n_free,)."""
     if work.side[c] != EDGED:
         return
-    change, acts = np.empty(3), np.empty(3)
-    first = second = 0.0
-    for which in (0, 1, POINT):
+    change = np.empty(3)
+    for which in range(2):
         _collect(c, which, values, model, parameters, work, change)
-        first += _dot(slopes.lean[c, 0, which], change)
-        second += _dot(slopes.lean[c, 1, which], change)
-        if which != POINT:
-            for i in range(3):
-                force[i] += _dot(slopes.edges[c, which, i], change)
-    _acting(c, work, acts)
-    _spread(c, 0, scale * first, acts, model, parameters, work, out)
-    _spread(c, 1, scale * second, acts, model, parameters, work, out)
+        for i in range(3):
+            force[i] += _dot(slopes.edges[c, which, i], change)
 
 
 @njit(cache=True, error_model="numpy")
-def _pull_patch(c, scale, vector, values, model, parameters, work, slopes, out):
-    """out += the transpose of `_push_patch`, times scale: of a vector (3,) on the force, and of values (3 n_free,)."""
+def _spread_by_edges(c, scale, vector, model, parameters, work, slopes, out):
+    """out += the transpose of `_add_by_edges`, times scale and a vector (3,), at free nodes."""
+    if work.side[c] != EDGED:
+        return
+    back = np.empty(3)
+    for which in range(2):
+        _times_transposed(slopes.edges[c, which], 3, vector, back)
+        _spread(c, which, scale, back, model, parameters, work, out)
+
+
+@njit(cache=True, error_model="numpy")
+def _add_by_lean(c, scale, values, model, parameters, work, slopes, out):
+    """out += scale times what the force does as it moves on a candidate's patch; values (3 n_free,)."""
+    if work.side[c] != EDGED:
+        return
+    change, force = np.empty(3), np.empty(3)
+    moved = np.zeros(2)
+    for which in (0, 1, POINT):
+        _collect(c, which, values, model, parameters, work, change)
+        for along in range(2):
+            moved[along] += scale * _dot(slopes.lean[c, along, which], change)
+    _acting(c, work, force)
+    for along in range(2):
+        _spread(c, along, moved[along], force, model, parameters, work, out)
+
+
+@njit(cache=True, error_model="numpy")
+def _spread_by_lean(c, scale, values, model, parameters, work, slopes, out):
+    """out += the transpose of `_add_by_lean`, times scale, of values (3 n_free,)."""
     if work.side[c] != EDGED:
         return
     back, moves = np.empty(3), np.empty(2)
@@ -126,9 +145,6 @@ def _pull_patch(c, scale, vector, values, model, parameters, work, slopes, out):
     for which in (0, 1, POINT):
         for j in range(3):
             back[j] = moves[0] * slopes.lean[c, 0, which, j] + moves[1] * slopes.lean[c, 1, which, j]
-            if which != POINT:
-                for i in range(3):
-                    back[j] += slopes.edges[c, which, i, j] * vector[i]
         _spread(c, which, scale, back, model, parameters, work, out)
 
 
@@ -182,12 +198,14 @@ def _apply(transposed, x, inertia, model, parameters, count, v, work, slopes, ou
             if transposed:
                 _collect(c, ACTING, v, model, parameters, work, moved)
                 _times_transposed(slopes.place[c], 3, moved, force)
-                _pull_patch(c, -1.0, moved, v, model, parameters, work, slopes, out)
+                _spread_by_edges(c, -1.0, moved, model, parameters, work, slopes, out)
+                _spread_by_lean(c, -1.0, v, model, parameters, work, slopes, out)
                 _spread(c, POINT, -1.0, force, model, parameters, work, out)
             else:
                 _collect(c, POINT, v, model, parameters, work, moved)
                 _times(slopes.place[c], 0, moved, force)
-                _push_patch(c, -1.0, v, model, parameters, work, slopes, force, out)
+                _add_by_edges(c, v, model, parameters, work, slopes, force)
+                _add_by_lean(c, -1.0, v, model, parameters, work, slopes, out)
                 _spread(c, ACTING, -1.0, force, model, parameters, work, out)
 
 
@@ -239,7 +257,7 @@ def begin_back(model, parameters, dt, count, owed, work, slopes):
             seed[3 + i] = owed.anchor[point, tool, i]
         _times_transposed(slopes.place[c], 6, seed, back)
         _spread(c, POINT, 1.0, back, model, parameters, work, right)
-        _pull_patch(c, 1.0, seed, slopes.zero, model, parameters, work, slopes, right)
+        _spread_by_edges(c, 1.0, seed, model, parameters, work, slopes, right)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -356,7 +374,7 @@ def finish_forward(model, parameters, dt, count, change, work, slopes):
         point, tool, seed = work.pair[c, 0], work.pair[c, 1], slopes.seed[c]
         _collect(c, POINT, w, model, parameters, work, moved)
         _times(slopes.place[c], 0, moved, force)
-        _push_patch(c, 0.0, w, model, parameters, work, slopes, force, slopes.d)
+        _add_by_edges(c, w, model, parameters, work, slopes, force)
         _times(slopes.place[c], 3, moved, anchor)
         for i in range(3):
             change.force[point, tool, i] = seed[i] + force[i]
