@@ -14,25 +14,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
-from softseam_services.shapes.distance import shape_gaps
+from softseam_services.tools.kernels.nearest import LINE, nearest_place
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
 
-_CONVEX = (PLANE, SPHERE, BOX, CAPSULE, CYLINDER)
 _TOUCH = 1e-6
 """of the surface's size: as near as touching [1]"""
-_CLOSE = 1e-5
-"""of the surface's size: bounds so near below the least value are not looked into [1]"""
-_LINE, _RESOLVED = 1e-3, 1e-10
-"""of the square of the way from the line over the size, which is added to gaps where places are looked for, and of the
-size, how near below the least sum bounds are looked into then [1]"""
-_DIFFERENCE = 1e-7
-"""of the surface's size, for gradients [1]"""
-_SMALL = 1.0 / 24.0
-"""of a tool that may be concave: eq. (1) is believed of triangles so much smaller [1]"""
-_MOST_TRIANGLES, _MOST_STEPS = 60_000, 200
+_CLOSE, _RESOLVED = 1e-5, 1e-10
+"""of the surface's size: bounds so near below the least gap are not looked into; and where places are looked for [1]"""
+_MOST_STEPS = 200
 
 
 def way_to_touch(
@@ -72,79 +63,22 @@ class _Surface:
     """Triangles before one tool, with what is known of how near they are."""
 
     def __init__(self, tools: ToolSet, tool: int, orientation: Floats, corners: Floats, size: float) -> None:
-        self._kind, self._shape, self._orientation = int(tools.kind[tool]), tools.shape[tool], orientation
-        self._corners, self._size = corners, size
-        self._radius = _radii(corners)
+        self._tool = int(tools.kind[tool]), tools.shape[tool], float(tools.reach[tool])
+        self._orientation, self._corners, self._size = orientation, np.ascontiguousarray(corners), size
         self._least = np.full(len(corners), -np.inf)  # below which their gaps cannot be, where the tool is now
         self._at: Floats | None = None
-        self._way: Floats | None = None
-        self._close = _CLOSE * size
-        self._small = np.inf if self._kind in _CONVEX else _SMALL * float(tools.reach[tool])
 
     def nearest(self, position: Floats, way: Floats | None = None) -> tuple[float, Floats]:
         """Least gap of the triangles to the tool there [m], and where it is (3,); with a way, of several places that
         which is nearest to the line along it through the position."""
-        self._way, self._close = way, (_CLOSE if way is None else _RESOLVED) * self._size
         if self._at is not None:
             self._least -= float(np.linalg.norm(position - self._at))
-        self._at = position
-        first = np.argsort(self._least)
-        best, point = np.inf, self._corners[0, 0]
-        # those that were nearest before tell how near the others may be to be left
-        for some in np.split(first, [min(64, len(first))]):
-            some = some[self._least[some] < best]
-            if len(some):
-                middle = self._gaps(self._corners[some].mean(axis=1), position)
-                self._least[some] = middle - self._radius[some]
-                best, point = self._divided(self._corners[some], position, best, point)
-        return best, point
-
-    def _divided(self, corners: Floats, position: Floats, best: float, point: Floats) -> tuple[float, Floats]:
-        """The least gap and its place, of these triangles and of what is known."""
-        while len(corners):
-            probes = np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1)
-            flat = probes.reshape(-1, 3)
-            gaps = self._gaps(flat, position)
-            least = int(np.argmin(gaps))
-            if gaps[least] < best:
-                best, point = float(gaps[least]), flat[least]
-            slopes = self._gradients(flat, position).reshape(-1, 4, 1, 3)
-            gaps = gaps.reshape(-1, 4)
-            tangents = gaps[:, :, None] + ((corners[:, None] - probes[:, :, None]) * slopes).sum(axis=3)  # eq. (1)
-            bound = tangents.min(axis=2).max(axis=1)
-            radius = _radii(corners)
-            bound = np.where(radius > self._small, gaps[:, 3] - radius, bound)
-            kept = corners[bound < best - self._close]
-            if 4 * len(kept) > _MOST_TRIANGLES:
-                break
-            corners = _quartered(kept)
-        return best, point
-
-    def _gaps(self, points: Floats, position: Floats) -> Floats:
-        gap = np.empty(len(points))
-        shape_gaps(np.ascontiguousarray(points), self._kind, self._shape, position, self._orientation, gap)
-        if self._way is None:
-            return gap
-        aside = points - position
-        square = (aside**2).sum(axis=1) - (aside @ self._way) ** 2
-        return np.asarray(gap + _LINE * square / self._size)
-
-    def _gradients(self, points: Floats, position: Floats) -> Floats:
-        """By central differences (n, 3)."""
-        step = _DIFFERENCE * self._size
-        moved = points[:, None, None] + step * np.stack([np.eye(3), -np.eye(3)], axis=1)
-        gaps = self._gaps(moved.reshape(-1, 3), position).reshape(-1, 3, 2)
-        return np.asarray((gaps[..., 0] - gaps[..., 1]) / (2.0 * step))
-
-
-def _radii(corners: Floats) -> Floats:
-    """Of balls about the centroids that hold the triangles (m,) [m]."""
-    return np.asarray(np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1))
-
-
-def _quartered(corners: Floats) -> Floats:
-    """Each triangle in four alike (4m, 3, 3)."""
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
-    parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-    return np.concatenate([np.stack(part, axis=1) for part in parts])
+        self._at, place = position, np.empty(3)
+        line, close = (0.0, _CLOSE) if way is None else (LINE / self._size, _RESOLVED)
+        along = np.zeros(3) if way is None else np.asarray(way)
+        kind, shape, reach = self._tool
+        gap = nearest_place(
+            *(kind, shape, reach, position, self._orientation, along, line, close * self._size, self._size),
+            *(self._corners, np.argsort(self._least), self._least, place),
+        )
+        return gap, place
