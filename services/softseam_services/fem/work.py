@@ -80,6 +80,8 @@ class Work(NamedTuple):
     tools/kernels/patch.py [m]"""
     lean: Floats
     """per pair: where on its patch the force acts, in its edges from the middle (2,) [1]"""
+    spread: Floats
+    """per pair: eq. (3) of tools/kernels/patch.py (5,) [1]"""
     side: NDArray[np.int8]
     """per pair: side of the box that the point faces, -1 where the tool's gap counts, SWEPT or EDGED"""
     plane: Floats
@@ -89,6 +91,9 @@ class Work(NamedTuple):
     """contact states that the factor holds (p, t)"""
     factored: Floats
     """and their stiffness (p, t, 3, 3) [N/m]"""
+    factored_patch: Floats
+    """of those on patches: a vector b such that b b^T is what `factored` has along the normal, lean and spread
+    (p, t, 10)"""
     gathered: Floats
     """see kernels/contact_tangents.py: weights of points of a cell (q 27,)"""
     gathered_block: Floats
@@ -185,11 +190,13 @@ def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work
         contact=np.zeros((n_pairs, N_COLUMNS)),
         hold=np.zeros((n_pairs, 5)),
         lean=np.zeros((n_pairs, 2)),
+        spread=np.zeros((n_pairs, 5)),
         side=np.zeros(n_pairs, dtype=np.int8),
         plane=np.zeros((n_pairs, 4)),
         state=np.zeros(n_pairs, dtype=np.int8),
         factored_state=np.zeros((len(model.point_face), n_tools), dtype=np.int8),
         factored=np.zeros((len(model.point_face), n_tools, 3, 3)),
+        factored_patch=np.zeros((len(model.point_face), n_tools, 10)),
         gathered=np.zeros(BATCH * N),
         gathered_block=np.zeros((BATCH, 6)),
         gathered_scaled=np.zeros(BATCH * N),

@@ -17,6 +17,22 @@ _call_distance = DISTANCE.call
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
+def turned_gap(kind, shape, x, y, z):
+    """`tool_gap` in the frame of a shape that is neither a plane nor a sphere."""
+    if kind == BOX:
+        gap, nx, ny, nz = box_gap(shape[0], shape[1], shape[2], shape[3], x, y, z)
+    elif kind == CAPSULE:
+        gap, nx, ny, nz = capsule_gap(shape[0], shape[1], x, y, z)
+    elif kind == CYLINDER:
+        gap, nx, ny, nz = cylinder_gap(shape[0], shape[1], shape[2], x, y, z)
+    elif kind == MESH:
+        gap, nx, ny, nz = grid_gap(shape, x, y, z)
+    else:
+        gap, nx, ny, nz = _call_distance(kind, len(shape), shape, x, y, z)
+    return gap, nx, ny, nz
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
 def tool_gap(kind, shape, position, orientation, point):
     """Signed distance of a point to a tool and the tool's outward unit normal at the nearest point: gap, nx, ny, nz.
 
@@ -41,16 +57,7 @@ def tool_gap(kind, shape, position, orientation, point):
             return -shape[0], 0.0, 0.0, 1.0
         return distance - shape[0], dx / distance, dy / distance, dz / distance
     x, y, z = rotate_back(orientation, dx, dy, dz)
-    if kind == BOX:
-        gap, nx, ny, nz = box_gap(shape[0], shape[1], shape[2], shape[3], x, y, z)
-    elif kind == CAPSULE:
-        gap, nx, ny, nz = capsule_gap(shape[0], shape[1], x, y, z)
-    elif kind == CYLINDER:
-        gap, nx, ny, nz = cylinder_gap(shape[0], shape[1], shape[2], x, y, z)
-    elif kind == MESH:
-        gap, nx, ny, nz = grid_gap(shape, x, y, z)
-    else:
-        gap, nx, ny, nz = _call_distance(kind, len(shape), shape, x, y, z)
+    gap, nx, ny, nz = turned_gap(kind, shape, x, y, z)
     nx, ny, nz = rotate(orientation, nx, ny, nz)
     return gap, nx, ny, nz
 

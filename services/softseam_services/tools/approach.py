@@ -4,8 +4,10 @@ The tool goes on by its distance to the surface, which it can without touching (
 thesis, Berkeley 1996, section 2.3). The distance is the least over the triangles, by branch and bound: where a tool is
 convex its signed distance g is, too, and on a triangle with corners c_i
   g(x) >= g(p) + grad g(p) . (x - p) >= min_i [g(p) + grad g(p) . (c_i - p)]                                     (1)
-for any p, here its corners and its centroid. Triangles whose bound is above the least value found are left, the others
-are divided. So it is the same whatever triangles a surface is made of. Where faces meet, that place
+for any p, here its corners and its centroid, and for every mixture of two of these p,
+  g(x) >= min_i sum_p m_p [g(p) + grad g(p) . (c_i - p)],  m_p >= 0,  sum_p m_p = 1,                             (2)
+which is g itself where an edge of the tool passes a triangle. Triangles whose bound is above the least value found are
+left, the others are divided. So it is the same whatever triangles a surface is made of. Where faces meet, that place
 counts which is nearest to the line of the tool's position.
 """
 

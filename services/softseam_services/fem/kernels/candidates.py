@@ -218,6 +218,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                 work.state[count] = OPEN
                 work.contact[count] = 0.0
                 work.lean[count] = 0.0
+                work.spread[count] = 0.0
                 firm = firmness(model, parameters, point, inertia) if carry > 0.0 else 1.0
                 work.hold[count, 0] = firm * parameters.point_stiffness[point]
                 work.hold[count, 1] = carry

@@ -31,6 +31,9 @@ short steps have a stiffer r (`firmness`) where c = 1.
 
 Inside faces F of tools/kernels/patch.py takes the place of -r g in p, and its slope that of r in what n n^T has in
 eq. (2); under tools with edges the force acts beside the point on its patch, where work.lean says, and moves there.
+What n n^T has is spread over the patch then, work.spread: of a point's weights W and those of its patch's edges U, V
+  w w^T + c_ss U U^T + c_st (U V^T + V U^T) + c_tt V V^T,   w = W + s' U + t' V                                   (4)
+take the place of W W^T, with eq. (3) there.
 
 A point that comes by much in a step, and through a tool of which it faces no side, meets the plane at which it met the
 tool on its way: no tool is too thin for a fast body.
@@ -131,11 +134,13 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
             gap, nx, ny, nz = plane_gap(work.plane[c], tools.position_next[tool], orientation, xp)
         elif work.side[c] == EDGED:
             patch_edges(x, model, parameters, point, edges)
-            inside, slope, nx, ny, nz, s, t = patch_press(
+            pressed = patch_press(
                 *(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation),
                 *(xp, edges[0], edges[1], sag, tools.places[tool]),
             )
-            work.lean[c, 0], work.lean[c, 1] = s, t
+            inside, slope, nx, ny, nz, work.lean[c, 0], work.lean[c, 1] = pressed[:7]
+            for i in range(5):
+                work.spread[c, i] = pressed[7 + i]
             gap = -inside / slope
         elif work.side[c] < 0:
             gap, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], tools.position_next[tool], orientation, xp)

@@ -16,6 +16,7 @@ import numpy as np
 
 from softseam_services.fem.kernels.anderson import add_scaled
 from softseam_services.fem.kernels.contact import (
+    EDGED,
     NORMAL,
     OPEN,
     PRESSURE,
@@ -24,9 +25,9 @@ from softseam_services.fem.kernels.contact import (
     SLOPE,
     TRACTION,
     TRIAL,
-    acting_weight,
     coefficient,
 )
+from softseam_services.fem.kernels.contact_tangents import LEANS, SPREADS
 from softseam_services.fem.kernels.dot import dot
 from softseam_services.fem.kernels.fronts import solve
 from softseam_services.fem.kernels.gmres import add_solution, begin_krylov, extend_krylov
@@ -38,7 +39,8 @@ _TOLERANCE = 0.05
 
 @njit(cache=True, error_model="numpy", inline="always")
 def find_changes(parameters, count, work):
-    """work.change (c, 3, 3) <- what the factor lacks of the whole tangent of every candidate [N/m]."""
+    """work.change (c, 3, 3) <- what the factor lacks of the whole tangent of every candidate [N/m]; on patches under
+    edges that tangent itself, for what the factor has of it is spread over other places."""
     for c in range(count):
         point, tool, row, change = work.pair[c, 0], work.pair[c, 1], work.contact[c], work.change[c]
         touches, slips = work.state[c] != OPEN, work.state[c] == SLIP
@@ -51,7 +53,9 @@ def find_changes(parameters, count, work):
             e = row[TRACTION + i] * along
             for j in range(3):
                 pushed = (slope - tangential) * row[NORMAL + i] + friction * slope * e
-                change[i, j] = pushed * row[NORMAL + j] - work.factored[point, tool, i, j]
+                change[i, j] = pushed * row[NORMAL + j]
+                if work.side[c] != EDGED:
+                    change[i, j] -= work.factored[point, tool, i, j]
                 if row[RELAXED] > 0.0:
                     change[i, j] -= tangential * e * row[TRACTION + j] * along
             change[i, i] += tangential
@@ -62,14 +66,17 @@ def apply_changes(model, parameters, count, v, work, out):
     """out (3 n_free,) <- C v in elimination order, of work.change."""
     for i in range(len(out)):
         out[i] = 0.0
+    moved, force = np.empty((3, 3)), np.empty((3, 3))
     for c in range(count):
         point, change = work.pair[c, 0], work.change[c]
         if work.state[c] == OPEN and work.factored_state[point, work.pair[c, 1]] == OPEN:
             continue
+        if work.side[c] == EDGED:
+            _change_of_patch(c, model, parameters, v, work, moved, force, out)
+            continue
         vx = vy = vz = 0.0
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-            place = 3 * model.point_place[entry]
-            weight = acting_weight(c, entry, parameters, work)
+            place, weight = 3 * model.point_place[entry], parameters.point_weight[entry]
             if place >= 0:
                 vx += weight * v[place]
                 vy += weight * v[place + 1]
@@ -78,12 +85,72 @@ def apply_changes(model, parameters, count, v, work, out):
         fy = change[1, 0] * vx + change[1, 1] * vy + change[1, 2] * vz
         fz = change[2, 0] * vx + change[2, 1] * vy + change[2, 2] * vz
         for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-            place = 3 * model.point_place[entry]
-            weight = acting_weight(c, entry, parameters, work)
+            place, weight = 3 * model.point_place[entry], parameters.point_weight[entry]
             if place >= 0:
                 out[place] += weight * fx
                 out[place + 1] += weight * fy
                 out[place + 2] += weight * fz
+
+
+@njit(cache=True, error_model="numpy")
+def _change_of_patch(c, model, parameters, v, work, moved, force, out):
+    """out += C v of one patch; moved and force (3, 3) are scratch."""
+    point, tool, row, now = work.pair[c, 0], work.pair[c, 1], work.contact[c], np.zeros(10)
+    along, extra, none = now[:LEANS], np.zeros(3), np.zeros(3)
+    if work.state[c] != OPEN:
+        root = np.sqrt(row[SLOPE])
+        slips = work.state[c] == SLIP and row[PRESSURE] > 0.0
+        for i in range(3):
+            along[i] = root * row[NORMAL + i]
+            extra[i] = root * row[TRACTION + i] / row[PRESSURE] if slips else 0.0
+        now[LEANS], now[LEANS + 1] = work.lean[c, 0], work.lean[c, 1]
+        now[SPREADS:] = work.spread[c]
+    moved[:], force[:] = 0.0, 0.0
+    for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+        place = 3 * model.point_place[entry]
+        if place >= 0:
+            for i in range(3):
+                moved[0, i] += parameters.point_weight[entry] * v[place + i]
+                moved[1, i] += parameters.point_tilt[entry, 0] * v[place + i]
+                moved[2, i] += parameters.point_tilt[entry, 1] * v[place + i]
+    add_resistance(1.0, work.change[c], now, extra, moved, force)
+    add_resistance(-1.0, work.factored[point, tool], work.factored_patch[point, tool], none, moved, force)
+    for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
+        place = 3 * model.point_place[entry]
+        if place >= 0:
+            for i in range(3):
+                out[place + i] += (
+                    parameters.point_weight[entry] * force[0, i]
+                    + parameters.point_tilt[entry, 0] * force[1, i]
+                    + parameters.point_tilt[entry, 1] * force[2, i]
+                )
+
+
+@njit(cache=True, error_model="numpy")
+def add_resistance(sign, block, patch, extra, moved, force):
+    """force (3, 3) += sign times what a patch resists with, at its point and at its edges, where these move so (3, 3).
+
+    block  tangent of its force (3, 3), b b^T of which acts where its patch is stiff, eq. (4) of kernels/contact.py
+    patch  b, lean and spread as in work.factored_patch (10,)
+    extra  a (3,), of a b^T, the part of the tangent by which friction goes with pressure
+    """
+    s, t, stiff_s, stiff_t = patch[LEANS], patch[LEANS + 1], patch[SPREADS], patch[SPREADS + 1]
+    at_point = by_u = by_v = 0.0
+    for i in range(3):
+        at_point += patch[i] * moved[0, i]
+        by_u += patch[i] * moved[1, i]
+        by_v += patch[i] * moved[2, i]
+    stiff = at_point + stiff_s * by_u + stiff_t * by_v
+    ahead = stiff - (at_point + s * by_u + t * by_v)
+    turn_u = patch[SPREADS + 2] * by_u + patch[SPREADS + 3] * by_v
+    turn_v = patch[SPREADS + 3] * by_u + patch[SPREADS + 4] * by_v
+    for i in range(3):
+        f = (patch[i] + extra[i]) * ahead
+        for j in range(3):
+            f += block[i, j] * (moved[0, j] + s * moved[1, j] + t * moved[2, j])
+        force[0, i] += sign * f
+        force[1, i] += sign * (s * f + patch[i] * ((stiff_s - s) * stiff + turn_u))
+        force[2, i] += sign * (t * f + patch[i] * ((stiff_t - t) * stiff + turn_v))
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -157,9 +157,13 @@ def _differentiate_patch(c, xp, edges, friction, edge, tools, work, G, H, out):
         for j in range(3):
             at = moved[j]
             moved[j] = at + apart
-            far, _, fx, fy, fz, fs, ft = patch_press(kind, shape, position, turn, xp, edges[0], edges[1], sag, places)
+            far, _, fx, fy, fz, fs, ft = patch_press(kind, shape, position, turn, xp, edges[0], edges[1], sag, places)[
+                :7
+            ]
             moved[j] = at - apart
-            near, _, nx, ny, nz, ns, nt = patch_press(kind, shape, position, turn, xp, edges[0], edges[1], sag, places)
+            near, _, nx, ny, nz, ns, nt = patch_press(kind, shape, position, turn, xp, edges[0], edges[1], sag, places)[
+                :7
+            ]
             moved[j] = at
             lean[0, which, j], lean[1, which, j] = (fs - ns) / (2.0 * apart), (ft - nt) / (2.0 * apart)
             dp = r * (far - near) / (2.0 * apart)

@@ -1,4 +1,5 @@
-"""The matrix of contact: eq. (2) of kernels/contact.py of each touching point, W^T D W in the nodes that it follows.
+"""The matrix of contact: eq. (2) of kernels/contact.py of each touching point, W^T D W in the nodes that it follows,
+and eq. (4) there on a patch under edges.
 
 Points of an embedded surface come cell by cell, and many of them share one: with W (q, 27) the weights of up to BATCH
 of them, the entries (k, l) of the blocks of all pairs of nodes are W^T diag(D_kl) W, six products of matrices, or one
@@ -7,8 +8,11 @@ where every D is r I, added to the panels once.
 
 from __future__ import annotations
 
+import numpy as np
+
 from softseam_services.fem.kernels.cells import LANES
 from softseam_services.fem.kernels.contact import (
+    EDGED,
     GAP,
     NORMAL,
     OPEN,
@@ -20,7 +24,6 @@ from softseam_services.fem.kernels.contact import (
     STICK,
     TRACTION,
     TRIAL,
-    acting_weight,
     coefficient,
 )
 from softseam_services.fem.kernels.fronts import add_block, add_block_row
@@ -30,6 +33,8 @@ from softseam_services.jit import njit
 BATCH = 64
 """points of a cell that are multiplied at once"""
 N = 27
+# columns of work.factored_patch
+LEANS, SPREADS = 3, 5
 _FIRST, _SECOND = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 """k and l of the six products"""
 
@@ -39,7 +44,8 @@ def add_contact_tangents(model, parameters, tree, count, ahead, work):
     """Add what every touching candidate resists with to work.values, updated in place; returns for how many.
 
     ahead [m]: open candidates closer than that are taken to stick, so that the factor is still good when they touch;
-    and so are those that touch by work.factored_state, the last factor's: they may open and close by turns
+    and so are those that touch by work.factored_state, the last factor's: they may open and close by turns. Patches
+    under edges are not, for these touch by and by
     """
     work.factored[:] = 0.0
     added = gathered = 0
@@ -49,15 +55,19 @@ def add_contact_tangents(model, parameters, tree, count, ahead, work):
         kept = work.factored_state[point, tool] != OPEN
         work.factored_state[point, tool] = work.state[c]
         if work.state[c] == OPEN:
-            if work.contact[c, GAP] > ahead and not kept:
+            if not kept and (work.side[c] == EDGED or work.contact[c, GAP] > ahead):
                 continue
             work.factored_state[point, tool] = STICK
         added += 1
         block = work.factored[point, tool]
+        work.factored_patch[point, tool] = 0.0
         _resist(c, coefficient(parameters, point, tool), work, block)
         cell = model.point_cell[point]
+        if work.side[c] == EDGED:
+            _add_patch(c, model, parameters, tree, point, tool, block, work)
+            continue
         if model.point_face[point] != SPREAD:
-            _add_point(c, model, parameters, tree, point, block, work)
+            _add_point(model, parameters, tree, point, block, work)
             continue
         if gathered == BATCH or (gathered > 0 and cell != cell_of):
             _add_points(tree, cell_of, gathered, work)
@@ -88,7 +98,7 @@ def _resist(c, friction, work, block):
 
 
 @njit(cache=True, error_model="numpy")
-def _add_point(c, model, parameters, tree, point, block, work):
+def _add_point(model, parameters, tree, point, block, work):
     """Add the block of one point, pair by pair of its nodes."""
     cell = model.point_cell[point]
     for a in range(model.point_ptr[point], model.point_ptr[point + 1]):
@@ -98,8 +108,52 @@ def _add_point(c, model, parameters, tree, point, block, work):
         for b in range(model.point_ptr[point], model.point_ptr[point + 1]):
             rank_b = tree.cell_rank[cell, model.point_local[b]]
             if rank_a <= rank_b < tree.cell_free[cell]:
-                weight = acting_weight(c, a, parameters, work) * acting_weight(c, b, parameters, work)
+                weight = parameters.point_weight[a] * parameters.point_weight[b]
                 add_block(tree, work.values, cell, rank_a, rank_b, weight, block)
+
+
+@njit(cache=True, error_model="numpy")
+def _add_patch(c, model, parameters, tree, point, tool, block, work):
+    """Add the block of one patch, pair by pair of its nodes, and keep how it was made: work.factored_patch."""
+    cell, kept, row = model.point_cell[point], work.factored_patch[point, tool], work.contact[c]
+    root = np.sqrt(row[SLOPE])
+    for i in range(3):
+        kept[i] = root * row[NORMAL + i]
+    kept[LEANS], kept[LEANS + 1] = work.lean[c, 0], work.lean[c, 1]
+    for i in range(5):
+        kept[SPREADS + i] = work.spread[c, i]
+    pair = np.empty((3, 3))
+    for a in range(model.point_ptr[point], model.point_ptr[point + 1]):
+        rank_a = tree.cell_rank[cell, model.point_local[a]]
+        if rank_a >= tree.cell_free[cell]:
+            continue
+        for b in range(model.point_ptr[point], model.point_ptr[point + 1]):
+            rank_b = tree.cell_rank[cell, model.point_local[b]]
+            if rank_a <= rank_b < tree.cell_free[cell]:
+                across = patch_weight(a, parameters, kept) * patch_weight(b, parameters, kept)
+                along = _spread_weight(a, b, parameters, kept) - across
+                for i in range(3):
+                    for j in range(3):
+                        pair[i, j] = across * block[i, j] + along * kept[i] * kept[j]
+                add_block(tree, work.values, cell, rank_a, rank_b, 1.0, pair)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def patch_weight(entry, parameters, patch):
+    """Weight of a node where the force acted, by a row of work.factored_patch."""
+    tilt = parameters.point_tilt
+    return parameters.point_weight[entry] + patch[LEANS] * tilt[entry, 0] + patch[LEANS + 1] * tilt[entry, 1]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _spread_weight(a, b, parameters, patch):
+    """Of two nodes: eq. (4) of kernels/contact.py, by a row of work.factored_patch."""
+    tilt = parameters.point_tilt
+    s, t = patch[SPREADS], patch[SPREADS + 1]
+    of_a = parameters.point_weight[a] + s * tilt[a, 0] + t * tilt[a, 1]
+    of_b = parameters.point_weight[b] + s * tilt[b, 0] + t * tilt[b, 1]
+    of_turns = patch[SPREADS + 2] * tilt[a, 0] * tilt[b, 0] + patch[SPREADS + 4] * tilt[a, 1] * tilt[b, 1]
+    return of_a * of_b + of_turns + patch[SPREADS + 3] * (tilt[a, 0] * tilt[b, 1] + tilt[a, 1] * tilt[b, 0])
 
 
 @njit(cache=True, error_model="numpy")

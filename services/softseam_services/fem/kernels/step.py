@@ -20,8 +20,10 @@ from softseam_services.fem.kernels.contact import (
     augment,
     evaluate_contacts,
     next_anchor,
+    patch_edges,
     point_position,
 )
+from softseam_services.fem.kernels.contact_changes import add_resistance
 from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.fem.kernels.linear_answer import move_on
 from softseam_services.fem.kernels.newton import (
@@ -106,45 +108,55 @@ def _follow_contacts(x0, x, count, model, parameters, tools, work, result):
     With K the stiffness that the factor holds at a point, its force changes by -K d, so that the momentum of the moved
     step balances exactly. Contact itself, in the state, stays as it was solved.
     """
-    place, moved = np.empty(3), np.empty(3)
-    wrench, out = result.wrench, result.out
+    begun, place, moved, force = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    wrench, out, still = result.wrench, result.out, np.zeros(3)
     for c in range(count):
         if work.state[c] != OPEN:
-            row = work.contact[c]
+            row, lean = work.contact[c], work.lean[c]
             _moved_by(work.d, model, parameters, work.pair[c, 0], moved)
             for i in range(3):
-                out[TOOL_WORK] += (row[PRESSURE] * row[NORMAL + i] + row[TRACTION + i]) * moved[i]
+                way = moved[0, i] + lean[0] * moved[1, i] + lean[1] * moved[2, i]
+                out[TOOL_WORK] += (row[PRESSURE] * row[NORMAL + i] + row[TRACTION + i]) * way
     for point in range(len(model.point_face)):
         for tool in range(len(wrench)):
             if work.factored_state[point, tool] == OPEN:
                 continue
-            stiffness = work.factored[point, tool]
             _moved_by(work.d, model, parameters, point, moved)
-            fx = -(stiffness[0, 0] * moved[0] + stiffness[0, 1] * moved[1] + stiffness[0, 2] * moved[2])
-            fy = -(stiffness[1, 0] * moved[0] + stiffness[1, 1] * moved[1] + stiffness[1, 2] * moved[2])
-            fz = -(stiffness[2, 0] * moved[0] + stiffness[2, 1] * moved[1] + stiffness[2, 2] * moved[2])
-            point_position(x0, model, parameters, point, moved)
-            point_position(x, model, parameters, point, place)
-            out[TOOL_WORK] += fx * (place[0] - moved[0]) + fy * (place[1] - moved[1]) + fz * (place[2] - moved[2])
+            force[:] = 0.0
+            add_resistance(-1.0, work.factored[point, tool], work.factored_patch[point, tool], still, moved, force)
+            _frame(x0, model, parameters, point, begun)
+            _frame(x, model, parameters, point, place)
+            for each in range(3):
+                for i in range(3):
+                    out[TOOL_WORK] += force[each, i] * (place[each, i] - begun[each, i])
             for i in range(3):
-                place[i] -= tools.position_next[tool, i]
-            wrench[tool, 0] -= fx
-            wrench[tool, 1] -= fy
-            wrench[tool, 2] -= fz
-            wrench[tool, 3] -= place[1] * fz - place[2] * fy
-            wrench[tool, 4] -= place[2] * fx - place[0] * fz
-            wrench[tool, 5] -= place[0] * fy - place[1] * fx
+                wrench[tool, i] -= force[0, i]
+                place[0, i] -= tools.position_next[tool, i]
+            for each in range(3):
+                for i in range(3):
+                    j, k = (i + 1) % 3, (i + 2) % 3
+                    wrench[tool, 3 + i] -= place[each, j] * force[each, k] - place[each, k] * force[each, j]
 
 
 @njit(cache=True, error_model="numpy")
 def _moved_by(step, model, parameters, point, moved):
-    """moved (3,) <- what a surface point moves by where nodes move by `step`, in the order of the factor."""
-    moved[0] = moved[1] = moved[2] = 0.0
+    """moved (3, 3) <- what a surface point and the edges of its patch move by where nodes move by `step`, in the order
+    of the factor."""
+    moved[:] = 0.0
     for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
         place = 3 * model.order[model.point_node[entry]]
         if place >= 0:
             for i in range(3):
-                moved[i] += parameters.point_weight[entry] * step[place + i]
+                moved[0, i] += parameters.point_weight[entry] * step[place + i]
+                moved[1, i] += parameters.point_tilt[entry, 0] * step[place + i]
+                moved[2, i] += parameters.point_tilt[entry, 1] * step[place + i]
+
+
+@njit(cache=True, error_model="numpy")
+def _frame(x, model, parameters, point, place):
+    """place (3, 3) <- a surface point, and the edges of its patch, where nodes are at x (n, 3) [m]."""
+    point_position(x, model, parameters, point, place[0])
+    patch_edges(x, model, parameters, point, place[1:])
 
 
 @njit(cache=True, error_model="numpy")

@@ -50,7 +50,7 @@ def find_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow):
                 row[lane + EIGHT] - s * u[1] - t * v[1],
                 row[lane + 2 * EIGHT] - s * u[2] - t * v[2],
             )
-            depth, grade, mx, my, mz, s, t = patch_press(kind, shape, place, turn, middle, u, v, 0.0, places)
+            depth, grade, mx, my, mz, s, t = patch_press(kind, shape, place, turn, middle, u, v, 0.0, places)[:7]
             gap = max(gap, _JUST)
             if depth > 0.0:
                 row[lane + EIGHT * GRADE] = grade

@@ -155,7 +155,7 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
                 patch = contacts.patch[point]
                 depth, grade, nx, ny, nz, s, t = patch_press(
                     *(kind, shape, place, turn, x, patch[0], patch[1], 0.0, places)
-                )
+                )[:7]
                 if not carried:
                     lean[point, tool, 0], lean[point, tool, 1] = s, t
                 gap = -depth / grade

@@ -73,8 +73,8 @@ def nearest_place(kind, shape, reach, position, orientation, way, line, close, s
 @njit(cache=True, error_model="numpy")
 def _look(kind, shape, position, orientation, way, line, size, convex, small, triangle, found, place):
     """found (2,) <- the least gap at the corners and the centroid, where place (3,) is, and what no gap is below."""
-    at = np.empty(3)
-    found[0], found[1] = np.inf, -np.inf
+    at, tangents = np.empty(3), np.empty((4, 3))
+    found[0] = np.inf
     radius, middle = _radius(triangle), 0.0
     for probe in range(4):
         for i in range(3):
@@ -95,13 +95,30 @@ def _look(kind, shape, position, orientation, way, line, size, convex, small, tr
         if gap < found[0]:
             found[0] = gap
             place[:] = at
-        tangent = np.inf
         for corner in range(3):
             dx, dy, dz = triangle[corner, 0] - at[0], triangle[corner, 1] - at[1], triangle[corner, 2] - at[2]
-            tangent = min(tangent, gap + dx * gx + dy * gy + dz * gz)
-        found[1] = max(found[1], tangent)
-    if radius > small:
-        found[1] = middle - radius
+            tangents[probe, corner] = gap + dx * gx + dy * gy + dz * gz
+    found[1] = middle - radius if radius > small else _least_of(tangents)
+
+
+@njit(cache=True, error_model="numpy")
+def _least_of(tangents):
+    """Eq. (1) and (2): below what the greatest of four linear functions never is, of their values (4, 3) at corners."""
+    bound = -np.inf
+    for a in range(4):
+        bound = max(bound, min(tangents[a, 0], tangents[a, 1], tangents[a, 2]))
+    for a in range(4):
+        for b in range(a + 1, 4):
+            for corner in range(3):
+                other = (corner + 1) % 3
+                by_a, by_b = tangents[a, corner] - tangents[a, other], tangents[b, corner] - tangents[b, other]
+                if by_a * by_b < 0.0:  # the mixture that has one value at both of the corners
+                    share = by_b / (by_b - by_a)
+                    least = np.inf
+                    for each in range(3):
+                        least = min(least, share * tangents[a, each] + (1.0 - share) * tangents[b, each])
+                    bound = max(bound, least)
+    return bound
 
 
 @njit(cache=True, error_model="numpy")
