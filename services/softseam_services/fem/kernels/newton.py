@@ -241,6 +241,7 @@ def newton(x, x0, model, parameters, tree, tools, count, inertia, share, setting
     plain, exact, renewed = np.inf, False, 0
     trusted = _TROUBLE
     length, part, settled = np.inf, 1.0, False
+    made = work.memo[N_FACTORS]
     guessed = farthest(x0, x)
     limit = (_CAREFUL_LIMIT if careful else _LIMIT) * parameters.edge
     closer = -np.inf if careful else _AHEAD * parameters.edge
@@ -290,12 +291,15 @@ def newton(x, x0, model, parameters, tree, tools, count, inertia, share, setting
             exact = ready and _is_worth(plain, before, enough, was_exact)
             # what a factor has of contacts that are open makes corrections small before forces are
             doubtful = work.gone[0] > 0 and (work.memo[FACTOR_KEEPS] > 0.0 or iteration > _SOON)
-            whole = exact or (not careful and doubtful and plain <= enough)
+            doubtful = doubtful and not careful and plain <= enough
+            stale = doubtful and work.memo[N_FACTORS] == made and attempt == 0
+            whole = exact or (doubtful and not stale)
             if whole:
                 solve_with_changes(model, parameters, tree, count, work)
                 largest = _largest(work.d)
             if was_exact:
                 slow = missing > 0 or (part == 1.0 and was_settled and settled and plain > _STALE * before)
+            slow = slow or stale
             if not slow or attempt > 0 or renew:
                 break
             renew = True
