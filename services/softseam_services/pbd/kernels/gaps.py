@@ -7,15 +7,18 @@ followed on its way (`swept_gap`), so that it does not pass to the far side of a
 from __future__ import annotations
 
 from softseam_services.jit import njit
-from softseam_services.shapes.branches import PLANE
-from softseam_services.tools.kernels import patch_press, rotate, rotate_back, swept_gap
+from softseam_services.shapes.branches import BOX, PLANE
+from softseam_services.tools.kernels import box_gap, patch_press, rotate, rotate_back, swept_gap
 
 from .faced import faced_gap, faces
 from .lanes import batch_kernel
-from .pairs import BEFORE, EIGHT, GAP, GRADE, LEAN, NEXT, PATCH, POINT
+from .pairs import BEFORE, CHANGE, EIGHT, GAP, GRADE, LEAN, NEXT, PATCH, POINT, SLIPPED
 
-_JUST = 1e-12
+JUST = 1e-12
 """gap of a patch that no tool reaches, though its middle is inside one [m]"""
+BY_EDGES, SUMS = SLIPPED, CHANGE
+"""what is here of use for patches alone, until the pair is solved: by how much the gap grows along their edges (2,)
+[m], and sums over places of F, s F and t F of `patch_press` (3,) [m]"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -33,11 +36,99 @@ def _swept(row, lane, kind, shape, place, turn, motion, slow):
     return swept_gap(kind, shape, place, turn, start, point, slow)
 
 
+@batch_kernel
+def _face_patches(row, a, b, c, radius, place, turn, motion, square_slow):
+    """GAP of the middles of a group's patches under a box of half edges a, b, c with edges of this radius, and by how
+    much it grows along their edges, where one face of the box is nearest to all of a patch, or none reaches it, and its
+    point came by no more than the root of square_slow [m^2]. Returns the others, a bit each, and whether some are
+    inside in part.
+    """
+    px, py, pz = place
+    xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
+    others, parted = 0, 0
+    for lane in range(EIGHT):
+        x, y, z = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
+        ux, uy = row[lane + EIGHT * BEFORE], row[lane + EIGHT * (BEFORE + 1)]
+        uz = row[lane + EIGHT * (BEFORE + 2)]
+        mx, my = x - (xx * ux + xy * uy + xz * uz + bx), y - (yx * ux + yy * uy + yz * uz + by)
+        mz = z - (zx * ux + zy * uy + zz * uz + bz)
+        slow = mx * mx + my * my + mz * mz <= square_slow
+        s, t = row[lane + EIGHT * LEAN], row[lane + EIGHT * (LEAN + 1)]
+        x, y, z = rotate_back(turn, x - px, y - py, z - pz)
+        ux, uy = row[lane + EIGHT * PATCH], row[lane + EIGHT * (PATCH + 1)]
+        vx, vy = row[lane + EIGHT * (PATCH + 3)], row[lane + EIGHT * (PATCH + 4)]
+        ux, uy, uz = rotate_back(turn, ux, uy, row[lane + EIGHT * (PATCH + 2)])
+        vx, vy, vz = rotate_back(turn, vx, vy, row[lane + EIGHT * (PATCH + 5)])
+        off, ax, ay, az = box_gap(a, b, c, radius, x, y, z)
+        x, y, z = x - s * ux - t * vx, y - s * uy - t * vy, z - s * uz - t * vz
+        ex, ey, ez = 0.5 * (abs(ux) + abs(vx)), 0.5 * (abs(uy) + abs(vy)), 0.5 * (abs(uz) + abs(vz))
+        ox, oy, oz = abs(x) - a, abs(y) - b, abs(z) - c
+        on_x = (max(oy + ey, oz + ez) <= min(-radius, ox - ex)) & (ex < abs(x))
+        on_y = (max(ox + ex, oz + ez) <= min(-radius, oy - ey)) & (ey < abs(y))
+        on_z = (max(ox + ex, oy + ey) <= min(-radius, oz - ez)) & (ez < abs(z))
+        gap, about = ox if on_x else oy if on_y else oz, ex if on_x else ey if on_y else ez
+        away = max(ox, oy, oz) >= ex + ey + ez
+        found = (on_x | on_y | on_z | away) & slow & (ex + ey + ez > 0.0)
+        nx = (1.0 if x >= 0.0 else -1.0) if on_x else 0.0
+        ny = (1.0 if y >= 0.0 else -1.0) if on_y else 0.0
+        nz = (1.0 if z >= 0.0 else -1.0) if on_z else 0.0
+        row[lane + EIGHT * BY_EDGES] = 0.0 if away else nx * ux + ny * uy + nz * uz
+        row[lane + EIGHT * (BY_EDGES + 1)] = 0.0 if away else nx * vx + ny * vy + nz * vz
+        gap, nx, ny, nz = off if away else gap, ax if away else nx, ay if away else ny, az if away else nz
+        nx, ny, nz = rotate(turn, nx, ny, nz)
+        row[lane + EIGHT * GAP] = gap
+        row[lane + EIGHT * (GAP + 1)] = nx
+        row[lane + EIGHT * (GAP + 2)] = ny
+        row[lane + EIGHT * (GAP + 3)] = nz
+        others += 0 if found else 1 << lane
+        parted += 1 if found & (not away) & (abs(gap) < about) else 0
+    return others, parted > 0
+
+
+@batch_kernel
+def _press_faces(row, places, parted):
+    """GAP, GRADE and NEXT of eight patches as of `patch_press`, of what `_face_patches` found of them."""
+    spread = (1.0 - 1.0 / places**2) / 12.0
+    for lane in range(EIGHT):
+        row[lane + EIGHT * SUMS] = row[lane + EIGHT * (SUMS + 1)] = row[lane + EIGHT * (SUMS + 2)] = 0.0
+        row[lane + EIGHT * GRADE] = 0.0
+    for place in range(places * places if parted else 0):
+        s = (2 * (place // places) + 1.0 - places) / (2.0 * places)
+        t = (2 * (place % places) + 1.0 - places) / (2.0 * places)
+        for lane in range(EIGHT):
+            inside = -row[lane + EIGHT * GAP]
+            inside -= s * row[lane + EIGHT * BY_EDGES] + t * row[lane + EIGHT * (BY_EDGES + 1)]
+            row[lane + EIGHT * GRADE] += 1.0 if inside > 0.0 else 0.0
+            inside = max(inside, 0.0)
+            row[lane + EIGHT * SUMS] += inside
+            row[lane + EIGHT * (SUMS + 1)] += s * inside
+            row[lane + EIGHT * (SUMS + 2)] += t * inside
+    for lane in range(EIGHT):
+        gap, by_u = row[lane + EIGHT * GAP], row[lane + EIGHT * BY_EDGES]
+        by_v = row[lane + EIGHT * (BY_EDGES + 1)]
+        s, t = row[lane + EIGHT * LEAN], row[lane + EIGHT * (LEAN + 1)]
+        # what no part of the patch touches is as far away as the place where the force would act
+        away = max(gap + s * by_u + t * by_v, JUST)
+        whole, outside = 2.0 * gap <= -(abs(by_u) + abs(by_v)), 2.0 * gap >= abs(by_u) + abs(by_v)
+        force, touched = row[lane + EIGHT * SUMS], row[lane + EIGHT * GRADE]
+        part = (not whole) & (not outside) & (force > 0.0)
+        s = spread * by_u / gap if whole else row[lane + EIGHT * (SUMS + 1)] / force if part else s
+        t = spread * by_v / gap if whole else row[lane + EIGHT * (SUMS + 2)] / force if part else t
+        row[lane + EIGHT * GAP] = gap if whole else -force / touched if part else away
+        row[lane + EIGHT * GRADE] = touched / places**2 if part else 1.0
+        row[lane + EIGHT * NEXT] = s if whole | part else row[lane + EIGHT * NEXT]
+        row[lane + EIGHT * (NEXT + 1)] = t if whole | part else row[lane + EIGHT * (NEXT + 1)]
+
+
 @njit(cache=True, error_model="numpy")
 def find_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow):
     """GAP of a group's points to a tool of any kind."""
+    others = -1
+    if kind == BOX and places > 0:
+        others, parted = _face_patches(row, shape[0], shape[1], shape[2], shape[3], place, turn, motion, slow * slow)
+        _press_faces(row, places, parted)
     for lane in range(EIGHT):
-        if rows[group, POINT + lane] < 0:
+        if rows[group, POINT + lane] < 0 or others >> lane & 1 == 0:
             continue
         met, gap, nx, ny, nz = _swept(row, lane, kind, shape, place, turn, motion, slow)
         u = row[lane + EIGHT * PATCH], row[lane + EIGHT * (PATCH + 1)], row[lane + EIGHT * (PATCH + 2)]
@@ -51,7 +142,7 @@ def find_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow):
                 row[lane + 2 * EIGHT] - s * u[2] - t * v[2],
             )
             depth, grade, mx, my, mz, s, t = patch_press(kind, shape, place, turn, middle, u, v, 0.0, places)[:7]
-            gap = max(gap, _JUST)
+            gap = max(gap, JUST)
             if depth > 0.0:
                 row[lane + EIGHT * GRADE] = grade
                 row[lane + EIGHT * NEXT], row[lane + EIGHT * (NEXT + 1)] = s, t
