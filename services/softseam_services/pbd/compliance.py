@@ -145,7 +145,7 @@ class SeamProbe:
             point_softness=parameters.point_softness[self._used],
             point_give=parameters.point_give[self._used],
             point_lag=parameters.point_lag[self._used],
-            friction_factor=np.where(self._used < model.n_surface, parameters.arrays.friction_factor[self._used], 0.0),
+            friction_factor=parameters.friction_factor[self._used],
             tolerance=0.0,
         )
         n, p, t, b = len(ids), len(self._used), model.n_tools, blocks.n_batches

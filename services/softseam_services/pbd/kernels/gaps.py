@@ -109,7 +109,7 @@ def _press_faces(row, places, parted):
         s, t = row[lane + EIGHT * LEAN], row[lane + EIGHT * (LEAN + 1)]
         # what no part of the patch touches is as far away as the place where the force would act
         away = max(gap + s * by_u + t * by_v, JUST)
-        whole, outside = 2.0 * gap <= -(abs(by_u) + abs(by_v)), 2.0 * gap >= abs(by_u) + abs(by_v)
+        whole, outside = 2.0 * gap < -(abs(by_u) + abs(by_v)), 2.0 * gap >= abs(by_u) + abs(by_v)
         force, touched = row[lane + EIGHT * SUMS], row[lane + EIGHT * GRADE]
         part = (not whole) & (not outside) & (force > 0.0)
         s = spread * by_u / gap if whole else row[lane + EIGHT * (SUMS + 1)] / force if part else s

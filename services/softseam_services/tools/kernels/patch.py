@@ -132,7 +132,7 @@ def patch_press(kind, shape, position, orientation, point, u, v, sag, places):
         nx, ny, nz = rotate(orientation, nx, ny, nz)
         if gap > about:
             return about - gap, 1.0, nx, ny, nz, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        if gap <= -about:
+        if gap < -about:
             square = (1.0 - 1.0 / places**2) / 12.0
             s, t = square / gap * by_u, square / gap * by_v
             return -gap, 1.0, nx, ny, nz, s, t, 0.0, 0.0, square, 0.0, square
