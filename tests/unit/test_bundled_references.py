@@ -60,9 +60,6 @@ OTHERWISE: dict[str, dict[str, float]] = {
 """by how much a checked level may be off in scenes whose references are older than the law of contact of decision 19,
 relative to the scale [1]: what it was off by when that law came, and a third more. Edges are rounded by a share of a
 cell, so that coarse levels move more than what they lead to. `make references` makes this unneeded"""
-SHORTER = (
-    "compression counts from where the fingers touch the bent slab: they stop sooner, and the run is 10 ms shorter"
-)
 
 
 class Known(Levels):
@@ -283,14 +280,8 @@ def test_what_ships_belongs_to_its_scene_as_it_is(path: Path) -> None:
     assert path.stat().st_size < 100e3
 
 
-def outdated(path: Path) -> object:
-    """A file as a parameter; of the scene that now moves otherwise, one that fails until its reference is made anew."""
-    marks = [pytest.mark.xfail(reason=SHORTER, strict=True)] if path.stem == "tofu_slab" else []
-    return pytest.param(path, marks=marks, id=path.stem)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("path", map(outdated, FILES))
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_what_ships_is_still_true(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A moderate level does what it did when the reference was made, but for `OTHERWISE`; of two scenes one in time,
     too."""
