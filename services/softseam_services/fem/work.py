@@ -107,7 +107,7 @@ class Work(NamedTuple):
     turned: Ints
     """how many contacts closed, opened, stuck, slipped or turned round in the last evaluation (1,)"""
     gone: Ints
-    """and how many that the factor has are open (1,)"""
+    """and how many that the factor has are open, and of these on patches under edges (2,)"""
     augmentations: Ints
     """how often the last step was solved again from the forces that it came to (1,)"""
     augmented_x: Floats
@@ -203,7 +203,7 @@ def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work
         gathered_product=np.zeros(6 * N * N),
         change=np.zeros((n_pairs, 3, 3)),
         turned=np.zeros(1, dtype=np.int32),
-        gone=np.zeros(1, dtype=np.int32),
+        gone=np.zeros(2, dtype=np.int32),
         augmentations=np.zeros(1, dtype=np.int32),
         augmented_x=np.zeros((MOST_AUGMENTATIONS, n_nodes, 3)),
         augmented_force=np.zeros((MOST_AUGMENTATIONS, len(model.point_face), n_tools, 3)),

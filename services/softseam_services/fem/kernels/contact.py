@@ -59,7 +59,7 @@ many of an embedded surface, which touches every tool, too, and keeps a gap: bod
 SWEPT, EDGED = -2, -3
 """in work.side: the point meets work.plane; its patch is looked at in parts, for the tool has edges"""
 _LITTLE = 0.2
-"""of a stiffness: a factor that lacks no more of a patch is not made anew for it"""
+"""of a stiffness: a factor that lacks no more of a patch under an edge is not made anew for it"""
 _STUCK = 0.999
 """of the bound: a multiplier below that did not slip"""
 # columns of work.contact
@@ -124,7 +124,7 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
     Returns how many candidates touch whose stiffness the factor does not have.
     """
     xp, edges = np.empty(3), np.empty((2, 3))
-    missing = turned = gone = 0
+    missing = turned = gone = left = 0
     for c in range(count):
         point, tool = work.pair[c, 0], work.pair[c, 1]
         row = work.contact[c]
@@ -164,6 +164,7 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
             work.state[c] = OPEN
             turned += was != OPEN
             gone += work.factored_state[point, tool] != OPEN
+            left += work.factored_state[point, tool] != OPEN and work.side[c] == EDGED
             continue
         dx, dy, dz = xp[0] - work.begun[c, 0], xp[1] - work.begun[c, 1], xp[2] - work.begun[c, 2]
         across = dx * nx + dy * ny + dz * nz
@@ -191,8 +192,8 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         row[SLIDE], row[SLIDE + 1], row[SLIDE + 2] = dx, dy, dz
         work.state[c] = HELD if held else (STICK if sticks else SLIP)
         turned += was != work.state[c] or (was == SLIP and not same_way)
-        missing += work.factored_state[point, tool] == OPEN and slope > _LITTLE
-    work.turned[0], work.gone[0] = turned, gone
+        missing += work.factored_state[point, tool] == OPEN and (work.side[c] != EDGED or slope > _LITTLE)
+    work.turned[0], work.gone[0], work.gone[1] = turned, gone, left
     return missing
 
 

@@ -292,7 +292,7 @@ def newton(x, x0, model, parameters, tree, tools, count, inertia, share, setting
             # what a factor has of contacts that are open makes corrections small before forces are
             doubtful = work.gone[0] > 0 and (work.memo[FACTOR_KEEPS] > 0.0 or iteration > _SOON)
             doubtful = doubtful and not careful and plain <= enough
-            stale = doubtful and work.memo[N_FACTORS] == made and attempt == 0
+            stale = doubtful and work.gone[1] > 0 and work.memo[N_FACTORS] == made and attempt == 0
             whole = exact or (doubtful and not stale)
             if whole:
                 solve_with_changes(model, parameters, tree, count, work)
