@@ -58,8 +58,6 @@ AT_NODE, ALONE, SPREAD = -1, -2, -3
 many of an embedded surface, which touches every tool, too, and keeps a gap: body/contact_points.py"""
 SWEPT, EDGED = -2, -3
 """in work.side: the point meets work.plane; its patch is looked at in parts, for the tool has edges"""
-_LITTLE = 0.2
-"""of a stiffness: a factor that lacks no more of a patch under an edge is not made anew for it"""
 _STUCK = 0.999
 """of the bound: a multiplier below that did not slip"""
 # columns of work.contact
@@ -192,7 +190,7 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         row[SLIDE], row[SLIDE + 1], row[SLIDE + 2] = dx, dy, dz
         work.state[c] = HELD if held else (STICK if sticks else SLIP)
         turned += was != work.state[c] or (was == SLIP and not same_way)
-        missing += work.factored_state[point, tool] == OPEN and (work.side[c] != EDGED or slope > _LITTLE)
+        missing += work.factored_state[point, tool] == OPEN
     work.turned[0], work.gone[0], work.gone[1] = turned, gone, left
     return missing
 

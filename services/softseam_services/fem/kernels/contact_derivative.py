@@ -141,8 +141,8 @@ def _differentiate_patch(c, xp, edges, friction, edge, tools, work, G, H, out):
     eq. (2) of tools/kernels/patch.py."""
     by_edges, lean = out.edges[c], out.lean[c]
     row, tool, r, apart = work.contact[c], work.pair[c, 1], work.hold[c, 0], _APART * edge
-    kind, shape, sag, places = tools.kind[tool], tools.shape[tool], work.hold[c, 4], tools.places[tool]
-    position, turn = tools.position_next[tool], tools.orientation_next[tool]
+    sag, places = work.hold[c, 4], tools.places[tool]
+    shape = tools.kind[tool], tools.shape[tool], tools.position_next[tool], tools.orientation_next[tool]
     q, e, dn, dt = np.empty(3), np.zeros(3), np.empty(3), np.empty(3)
     across, slips = 0.0, work.state[c] == SLIP
     for i in range(3):
@@ -157,13 +157,9 @@ def _differentiate_patch(c, xp, edges, friction, edge, tools, work, G, H, out):
         for j in range(3):
             at = moved[j]
             moved[j] = at + apart
-            far, _, fx, fy, fz, fs, ft = patch_press(kind, shape, position, turn, xp, edges[0], edges[1], sag, places)[
-                :7
-            ]
+            far, _, fx, fy, fz, fs, ft = patch_press(*shape, xp, edges[0], edges[1], sag, places)[:7]
             moved[j] = at - apart
-            near, _, nx, ny, nz, ns, nt = patch_press(kind, shape, position, turn, xp, edges[0], edges[1], sag, places)[
-                :7
-            ]
+            near, _, nx, ny, nz, ns, nt = patch_press(*shape, xp, edges[0], edges[1], sag, places)[:7]
             moved[j] = at
             lean[0, which, j], lean[1, which, j] = (fs - ns) / (2.0 * apart), (ft - nt) / (2.0 * apart)
             dp = r * (far - near) / (2.0 * apart)

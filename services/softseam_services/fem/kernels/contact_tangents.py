@@ -63,10 +63,9 @@ def add_contact_tangents(model, parameters, tree, count, ahead, work):
         _resist(c, coefficient(parameters, point, tool), work, block)
         cell = model.point_cell[point]
         if work.side[c] == EDGED:
-            _add_patch(c, model, parameters, tree, point, tool, block, work)
-            continue
+            _keep_patch(c, work, work.factored_patch[point, tool])
         if model.point_face[point] != SPREAD:
-            _add_point(model, parameters, tree, point, block, work)
+            _add_point(model, parameters, tree, point, block, work.factored_patch[point, tool], work)
             continue
         if gathered == BATCH or (gathered > 0 and cell != cell_of):
             _add_points(tree, cell_of, gathered, work)
@@ -97,31 +96,22 @@ def _resist(c, friction, work, block):
 
 
 @njit(cache=True, error_model="numpy")
-def _add_point(model, parameters, tree, point, block, work):
-    """Add the block of one point, pair by pair of its nodes."""
-    cell = model.point_cell[point]
-    for a in range(model.point_ptr[point], model.point_ptr[point + 1]):
-        rank_a = tree.cell_rank[cell, model.point_local[a]]
-        if rank_a >= tree.cell_free[cell]:
-            continue
-        for b in range(model.point_ptr[point], model.point_ptr[point + 1]):
-            rank_b = tree.cell_rank[cell, model.point_local[b]]
-            if rank_a <= rank_b < tree.cell_free[cell]:
-                weight = parameters.point_weight[a] * parameters.point_weight[b]
-                add_block(tree, work.values, cell, rank_a, rank_b, weight, block)
-
-
-@njit(cache=True, error_model="numpy")
-def _add_patch(c, model, parameters, tree, point, tool, block, work):
-    """Add the block of one patch, pair by pair of its nodes, and keep how it was made: work.factored_patch."""
-    cell, kept, row = model.point_cell[point], work.factored_patch[point, tool], work.contact[c]
+def _keep_patch(c, work, kept):
+    """kept <- how a candidate's patch resists: a row of work.factored_patch."""
+    row = work.contact[c]
     root = np.sqrt(row[SLOPE])
     for i in range(3):
         kept[i] = root * row[NORMAL + i]
     kept[LEANS], kept[LEANS + 1] = work.lean[c, 0], work.lean[c, 1]
     for i in range(5):
         kept[SPREADS + i] = work.spread[c, i]
-    pair = np.empty((3, 3))
+
+
+@njit(cache=True, error_model="numpy")
+def _add_point(model, parameters, tree, point, block, patch, work):
+    """Add the block of one point, pair by pair of its nodes; patch: its row of work.factored_patch, 0 where it has
+    none."""
+    cell, pair = model.point_cell[point], np.empty((3, 3))
     for a in range(model.point_ptr[point], model.point_ptr[point + 1]):
         rank_a = tree.cell_rank[cell, model.point_local[a]]
         if rank_a >= tree.cell_free[cell]:
@@ -129,11 +119,11 @@ def _add_patch(c, model, parameters, tree, point, tool, block, work):
         for b in range(model.point_ptr[point], model.point_ptr[point + 1]):
             rank_b = tree.cell_rank[cell, model.point_local[b]]
             if rank_a <= rank_b < tree.cell_free[cell]:
-                across = patch_weight(a, parameters, kept) * patch_weight(b, parameters, kept)
-                along = _spread_weight(a, b, parameters, kept) - across
+                across = patch_weight(a, parameters, patch) * patch_weight(b, parameters, patch)
+                along = _spread_weight(a, b, parameters, patch) - across
                 for i in range(3):
                     for j in range(3):
-                        pair[i, j] = across * block[i, j] + along * kept[i] * kept[j]
+                        pair[i, j] = across * block[i, j] + along * patch[i] * patch[j]
                 add_block(tree, work.values, cell, rank_a, rank_b, 1.0, pair)
 
 
