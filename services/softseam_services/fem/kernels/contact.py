@@ -52,7 +52,8 @@ from softseam_services.tools.kernels import bent, patch_press, plane_gap, press,
 
 OPEN, STICK, SLIP = 0, 1, 2
 TO_HOLD, HELD = 3, 4
-"""before an evaluation: what stuck in the last step shall stick once more; after it: it does, beyond its bound"""
+"""before an evaluation: what touched in the last step shall touch once more, and stick if it stuck; after it: it does,
+though its tool pulls, or beyond its bound"""
 AT_NODE, ALONE, SPREAD = -1, -2, -3
 """in model.point_face: a node of a face that has points of its own; a point that touches every tool; and one of the
 many of an embedded surface, which touches every tool, too, and keeps a gap: body/contact_points.py"""
@@ -157,7 +158,9 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         pressure = carry * max(0.0, along) + stiffness * inside
         was = work.state[c]
         row[GAP] = gap
-        if pressure <= 0.0:
+        square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2]
+        pulled = pressure <= 0.0 and was == TO_HOLD and square > 0.0
+        if pressure <= 0.0 and not pulled:
             row[PRESSURE:SLOPE] = 0.0
             work.state[c] = OPEN
             turned += was != OPEN
@@ -179,8 +182,9 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         held = was == TO_HOLD and not sticks and along > 0.0
         if held:
             least = _STUCK * mu * along
-            held = least > 0.0 and f[0] * f[0] + f[1] * f[1] + f[2] * f[2] - along * along < least * least
-        scale = 1.0 if sticks or held else bound / size
+            held = least > 0.0 and square - along * along < least * least
+        scale = 1.0 if sticks or held else max(0.0, bound / size)
+        held = held or pulled
         same_way = row[TRACTION] * tx + row[TRACTION + 1] * ty + row[TRACTION + 2] * tz > 0.0
         row[RELAXED] = 0.5 if (not sticks and was == SLIP and same_way) else 0.0
         row[PRESSURE] = pressure
@@ -196,11 +200,12 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
 
 
 @njit(cache=True, error_model="numpy")
-def hold_what_stuck(count, work):
-    """Have points that stuck in the last step stick in the next evaluation, however far their tool has gone since.
+def hold_what_touched(count, work):
+    """Have points that touched in the last step touch in the next evaluation, and those stick that stuck, however far
+    their tool has gone since.
 
-    Where tools start, stop or turn, all points seem to slip before the body has followed, and their force is bounded;
-    held, they take the body along in the first iteration, and slip after it where they must.
+    Where tools start, stop or turn, all points seem to slip, or to be left, before the body has followed, and their
+    force is bounded; held, they take the body along in the first iteration, and slip or open after it where they must.
     """
     for c in range(count):
         work.state[c] = TO_HOLD
@@ -208,7 +213,7 @@ def hold_what_stuck(count, work):
 
 @njit(cache=True, error_model="numpy")
 def any_held(count, work):
-    """Whether a point sticks beyond its bound."""
+    """Whether a tool pulls at a point, or one sticks beyond its bound."""
     for c in range(count):
         if work.state[c] == HELD:
             return True

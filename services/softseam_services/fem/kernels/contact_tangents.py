@@ -44,7 +44,8 @@ def add_contact_tangents(model, parameters, tree, count, ahead, work):
     """Add what every touching candidate resists with to work.values, updated in place; returns for how many.
 
     ahead [m]: open candidates closer than that are taken to stick, so that the factor is still good when they touch;
-    and so are those that touch by work.factored_state, the last factor's: they may open and close by turns.
+    and so are those that touch by work.factored_state, the last factor's: they may open and close by turns. Patches
+    under edges are not, for these touch by and by.
     """
     work.factored[:] = 0.0
     added = gathered = 0
@@ -54,7 +55,7 @@ def add_contact_tangents(model, parameters, tree, count, ahead, work):
         kept = work.factored_state[point, tool] != OPEN
         work.factored_state[point, tool] = work.state[c]
         if work.state[c] == OPEN:
-            if not kept and work.contact[c, GAP] > ahead:
+            if not kept and (work.side[c] == EDGED or work.contact[c, GAP] > ahead):
                 continue
             work.factored_state[point, tool] = STICK
         added += 1
