@@ -106,11 +106,16 @@ class Turning:
         """Angular momentum about the origin (3,) [kg m^2/s]."""
         return np.asarray(self.mass @ np.cross(x, v))
 
-    def given(self, force: Floats, x: Floats) -> float:
-        """Work of forces (p, 3) [N] at the ends x (p, 3) [m] of ways, beyond that along the chords of these [J]: what
-        rolls on a floor comes down to it by h^2 w^2/2 of its radius a step, and goes up as much."""
-        arms = x - self.end_sums[PLACE:MOTION] / self.end_sums[MASS]
-        return self._dt * float(np.sum(force * (arms @ self._after.T)))
+    @property
+    def centre(self) -> Floats:
+        """Of mass, at the end (3,) [m]."""
+        return np.asarray(self.end_sums[PLACE:MOTION] / self.end_sums[MASS])
+
+    def given(self, moment: Floats) -> float:
+        """Work of forces f at the ends x of ways, beyond that along the chords of these [J]: what rolls on a floor
+        comes down to it by h^2 w^2/2 of its radius a step, and goes up as much; moment (3, 3): sum of f (x - centre)^T
+        [N m]."""
+        return self._dt * float(np.sum(moment * self._after))
 
     def kinetic(self, v: Floats) -> float:
         """[J]"""

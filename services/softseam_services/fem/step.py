@@ -15,7 +15,6 @@ from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.turning import Turning, with_change
 from softseam_services.fem import substeps
-from softseam_services.fem.face_forces import point_positions
 from softseam_services.fem.failures import why
 from softseam_services.fem.inputs import NO_PUSH, Inputs, NewtonSettings, build_result
 from softseam_services.fem.inside_out import alarm
@@ -23,7 +22,7 @@ from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, STATIC, SYM
 from softseam_services.fem.integrators.static import raised
 from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from softseam_services.fem.kernels import step as kernel
-from softseam_services.fem.kernels.contact import FORCE
+from softseam_services.fem.kernels.contact import force_moment
 from softseam_services.fem.kernels.fronts import seam_root
 from softseam_services.fem.kernels.newton import CONVERGED, FACTORED, N_FACTORS, STALLED
 from softseam_services.fem.kernels.points import remember
@@ -53,6 +52,7 @@ class Stepper:
         self._told = -1.0  # factor whose yield of the seam was last told
         self._turn, self.given = NO_TURN, 0.0
         """to a rotation in the last step, beyond the work of contact along the chords of ways [J]"""
+        self._moment = np.zeros((3, 3))
         self.knows_impedance = False
         """whether the other side's stiffness at the seam was ever told"""
         self._take_up(model, parameters)
@@ -291,8 +291,8 @@ class Stepper:
         else:
             turning.end(end.x, end.v, self.result.wrench, tools.position_next)
         out = self.result.out
-        force = end.contact[:, :, FORCE : FORCE + 3].sum(axis=1)
-        self.given += turning.given(force, point_positions(self._model, self._parameters, end.x))
+        force_moment(end.contact, end.x, self._model, self._parameters, turning.centre, self._moment)
+        self.given += turning.given(self._moment)
         out[kernel.KINETIC], out[kernel.MOMENTUM : kernel.MOMENTUM + 3] = turning.kinetic(end.v), turning.mass @ end.v
         out[kernel.ANGULAR : kernel.ANGULAR + 3] = turning.angular(end.x, end.v)
 
