@@ -15,7 +15,7 @@ what a tool of any kind or pose does before it reaches the body does not count.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,14 @@ class Grip:
     body: AnyBody
     felt: bool = False
     """whether all have felt the body since"""
+    uneven: Floats = field(init=False)
+    """e_i of eq. (1) (n, 3)"""
+    index: NDArray[np.int64] = field(init=False)
+    """`tools`, by which arrays are read (n,)"""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "uneven", self.inward - self.inward.mean(axis=0))
+        object.__setattr__(self, "index", np.array(self.tools, dtype=np.int64))
 
     @classmethod
     def build(
@@ -104,7 +112,7 @@ class Grip:
 
     def force(self, wrench: Floats, orientation: Floats) -> float:
         """Mean force of the body on the tools against their ways [N], of wrenches (t, 6) and orientations (t, 4)."""
-        along = float((self.inward_now(orientation) * wrench[list(self.tools), :3]).sum())
+        along = float(np.vdot(self.inward_now(orientation), wrench[self.index, :3]))
         return 0.0 - along / len(self.tools)  # of nothing it is 0, not -0
 
     def compression(self, position: Floats, orientation: Floats) -> float:
@@ -116,18 +124,19 @@ class Grip:
     def spread(self, position: Floats, orientation: Floats) -> float:
         """Eq. (1) at tool poses (t, 3) [m], (t, 4)."""
         inward = self.inward_now(orientation)
-        return _spread(inward - inward.mean(axis=0), position[list(self.tools)])
+        uneven = self.uneven if inward is self.inward else inward - inward.mean(axis=0)
+        return _spread(uneven, position[self.index])
 
     def aside(self, position: Floats) -> bool:
         """Whether tools at (t, 3) [m] were moved otherwise than along their ways since they began to close."""
-        way = position[list(self.tools)] - self.begun
+        way = position[self.index] - self.begun
         across = way - (way * self.inward).sum(axis=1, keepdims=True) * self.inward
         return float(np.abs(across).max()) > _ASIDE * self.width
 
     @property
     def spread_begun(self) -> float:
         """Eq. (1) as they began to close."""
-        return _spread(self.inward - self.inward.mean(axis=0), self.begun)
+        return _spread(self.uneven, self.begun)
 
     def gap(self, position: Floats, orientation: Floats) -> float:
         """Clear way between them at tool poses (t, 3) [m], (t, 4)."""
@@ -158,7 +167,7 @@ def _corners(body: AnyBody) -> Floats:
 
 def _spread(uneven: Floats, points: Floats) -> float:
     """Eq. (1)."""
-    return -2.0 * float((uneven * points).sum()) / len(points)
+    return -2.0 * float(np.vdot(uneven, points)) / len(points)
 
 
 def nearest_body(bodies: Sequence[AnyBody], placements: Sequence[Placement], point: Floats) -> int:

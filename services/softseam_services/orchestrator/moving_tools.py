@@ -170,7 +170,7 @@ class MovingTools:
             unreached = unreached or self.program.fell_short(before.phase, self._drives.short)
             self._drives.short[:] = 0.0
         self._progress = after
-        self.lifting = self.lifting or bool((wrench[:, :3].any(axis=1) & (move.command[:, 2] > 0.0)).any())
+        self.lifting = self.lifting or _rises(move.command, wrench)
         ends = after.phase > before.phase
         return Moved(self.program.phase_of(before, after), ends, before.phase, missed, unreached)
 
@@ -231,3 +231,10 @@ class MovingTools:
             if len(value) == 7:
                 gripping[tool] = value[6] != 0.0
         return command, gripping
+
+
+def _rises(command: Floats, wrench: Floats) -> bool:
+    """Whether a tool rises, by velocities (t, 6) [m/s, rad/s], that felt a body, by wrenches (t, 6) [N, N m]."""
+    return any(
+        up > 0.0 and any(force) for up, force in zip(command[:, 2].tolist(), wrench[:, :3].tolist(), strict=True)
+    )

@@ -229,9 +229,9 @@ def newton(x, x0, model, parameters, tree, tools, count, inertia, share, setting
 
     The first guess is dropped for x0, the start of the step, where its correction is as large as its way from there: a
     tool stopped or turned. So is one that merely `flies` on where it loses its contacts (`lets_go`). From x0, points
-    that touched are held once (`hold_what_touched`). The factor at hand is tried first, with Anderson acceleration; a new
-    one is made where contacts are missing in it or convergence is slow. Where that goes on for long, what changed at
-    contacts since the factor was made is solved for, too (kernels/contact_changes.py).
+    that touched are held once (`hold_what_touched`). The factor at hand is tried first, with Anderson acceleration; a
+    new one is made where contacts are missing in it or convergence is slow. Where that goes on for long, what changed
+    at contacts since the factor was made is solved for, too (kernels/contact_changes.py).
     careful: a new, positive semi-definite matrix every time, short steps, and a line search along each, until contacts
     are settled.
     """
