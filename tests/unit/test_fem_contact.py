@@ -231,7 +231,9 @@ def test_what_stuck_is_held_once_however_far_its_tool_has_gone(
 
 
 @pytest.mark.parametrize(("along", "friction", "sideways"), [(0.1, 0.5, 1.0), (0.5, 0.5, 0.0), (0.0, 0.0, 0.0)])
-def test_what_touched_is_held_once_however_far_its_tool_has_left(along: float, friction: float, sideways: float) -> None:
+def test_what_touched_is_held_once_however_far_its_tool_has_left(
+    along: float, friction: float, sideways: float
+) -> None:
     """It pulls by the penalty times the gap; what slipped in the last step, or has no friction, slides free."""
     model, parameters, _, work, tools, x, count = _problem(friction, (along, 0.0, 1.0))
     away = tools._replace(position_next=tools.position_next - np.array([[0.0, 0.0, 1.0]]))

@@ -159,8 +159,8 @@ def test_a_state_that_is_handed_over_goes_on() -> None:
 
 
 def test_the_seam_is_probed_with_points_in_part() -> None:
-    """Compliance against central differences of the step; the pads' edges lie on the far side of the seam."""
-    scene = block_scene(cell=0.025, tools=two_pads(0.021, 0.3), moved=("low", "high"), step=0.01)
+    """Compliance against central differences of a step in which all stick; the pads' edges lie beyond the seam."""
+    scene = block_scene(cell=0.025, tools=two_pads(0.021), moved=("low", "high"), step=0.01)
     whole = PbdRun(scene)
     cells = np.flatnonzero(whole.body.cell_grid[:, 0] == 0).astype(np.int32)
     others = np.flatnonzero(whole.body.cell_grid[:, 0] == 1).astype(np.int32)
@@ -181,6 +181,35 @@ def test_the_seam_is_probed_with_points_in_part() -> None:
         force[:] = 0.0
         difference = (ends[0] - ends[1]) / 2e-6
         assert np.linalg.norm(compliance[:, column] - difference) <= 0.01 * np.linalg.norm(difference)
+
+
+def test_the_seam_is_probed_while_pads_slide() -> None:
+    """Compliance against central differences of a step in which points slip: .21 off, .31 where they would stick."""
+    held = {"fixed": [{"min": (-1.0, -1.0, -1.0), "max": (-0.024, 1.0, 1.0)}]}
+    scene = block_scene(cell=0.025, tools=two_pads(0.021, 0.3), moved=("low", "high"), step=0.01, **held)
+    whole = PbdRun(scene)
+    cells = np.flatnonzero(whole.body.cell_grid[:, 0] == 0).astype(np.int32)
+    others = np.flatnonzero(whole.body.cell_grid[:, 0] == 1).astype(np.int32)
+    seam = np.intersect1d(whole.body.cell_nodes[cells], whole.body.cell_nodes[others]).astype(np.int32)
+    run = PbdRun(scene, cells=cells, seam=seam)
+    run.velocity[:, 2] = 2e-3, -2e-3
+    run.run(0.3)
+    run.velocity[:] = 0.0
+    run.velocity[:, 1] = 0.02
+    run.run(0.3)
+    compliance = run.solver.advance(run.request(compliance=True)).compliance
+    force = np.zeros((len(seam), 3))
+    columns = np.arange(0, force.size, 7)
+    difference = np.empty((force.size, len(columns)))
+    for at, column in enumerate(columns):
+        ends = []
+        for sign in (1.0, -1.0):
+            force.reshape(-1)[column] = sign * 1e-6
+            ends.append(run.solver.advance(run.request(force)).seam_x.ravel())
+        force[:] = 0.0
+        difference[:, at] = (ends[0] - ends[1]) / 2e-6
+    off = np.linalg.norm(compliance[:, columns] - difference) / np.linalg.norm(difference)
+    assert off < 0.25
 
 
 def test_sticking_is_as_soft_whatever_the_sweeps() -> None:

@@ -184,7 +184,8 @@ class SeamProbe:
         ramp: d(seam v)/d(seam force at the end), the force being linear in time, instead [m/(N s)].
 
         The probes start from rest with the exact stress at x and without loads, so that only they move anything;
-        contacts stay as they are, tools stand still. Equal to the derivative of the step up to the motion within it.
+        contacts stay as they are, but that what friction holds at its bound slides, and tools stand still. Equal to
+        the derivative of the step up to the motion within it.
         Also d(x, v)/d(force) of every probed node, and last of `beyond` (3m, 2, k + 1, 3), where `keeps_ways`: forces
         on the nodes m that the seam follows, which are the seam's own where none of them hangs. The next probe
         overwrites them.

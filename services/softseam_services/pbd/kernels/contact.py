@@ -73,6 +73,8 @@ STILL = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """motion of a tool that does not move, as of `tool_motions`"""
 MEMORY = 0.02
 """of the pressure that bounds friction [s]"""
+AT_BOUND = 0.95
+"""of the bound of friction: what feels less does not slide [1]"""
 NO_MEMORY = 1.0
 """share of p in p_mean where nothing is lent"""
 
@@ -318,6 +320,33 @@ def begin_pairs(model, parameters, contacts, xw, a, h):
                 waits = True
     if waits:
         copy_rows(contacts.before, xw)
+
+
+@njit(cache=True, error_model="numpy")
+def let_slide(model, parameters, contacts, xw):
+    """What friction holds at its bound slides from now on, on tools where they start, and nothing resists it: FRICTION
+    and FORCE of `pairs` in place. Where contact has a compliance: elsewhere the bound goes by a memory."""
+    kind, shape = parameters.kind, parameters.shape
+    start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
+    for tool in range(len(kind)):
+        place, turn = three(contacts.position[0], tool), four(contacts.orientation[0], tool)
+        for group in range(start[tool], start[tool + 1]):
+            if rows[group, EDGED] == 0:
+                continue
+            place_group(group, X, rows, model.indptr, model.node, parameters.weight, parameters.tilt, xw, pairs)
+            row = pairs[group]
+            find_all_gaps(
+                row, rows, group, kind[tool], shape[tool], parameters.places[tool], place, turn, STILL, np.inf
+            )
+            for lane in range(EIGHT):
+                p = _pressed(row, lane)
+                square, most = -p * p, AT_BOUND * row[lane + EIGHT * FRICTION] * p
+                for c in range(3):
+                    square += row[lane + EIGHT * (FORCE + c)] ** 2
+                if p > 0.0 and square >= most * most:
+                    row[lane + EIGHT * FRICTION] = 0.0
+                    for c in range(3):
+                        row[lane + EIGHT * (FORCE + c)] = p * row[lane + EIGHT * (GAP + 1 + c)]
 
 
 @batch_kernel

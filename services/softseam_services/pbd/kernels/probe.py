@@ -6,7 +6,7 @@ import numpy as np
 
 from softseam_services.jit import njit
 
-from .contact import begin_pairs
+from .contact import begin_pairs, let_slide
 from .copy_rows import copy_rows
 from .damping import damping_share, note_shapes
 from .hold import find_held_blocks
@@ -19,7 +19,11 @@ from .tool_motion import tool_motions
 
 @njit(cache=True, error_model="numpy")
 def begin_probes(model, parameters, start, inputs, scratch, hh, ws):
-    """Stress of the shapes in start.x into start.stress, contacts there, and tools that stand still."""
+    """Stress of the shapes in start.x into start.stress, contacts there, and tools that stand still.
+
+    What friction holds at its bound slides: under a probe that pulls it back it would stick, but a step's forces push
+    it on, and it goes much farther than a response says in which it sticks.
+    """
     contacts, xw = scratch.contacts, scratch.xw
     copy_rows(xw, start.x)
     exact_stress(ws, xw, model.blocks, parameters.volume, start.stress, parameters.constants, parameters.law)
@@ -33,6 +37,7 @@ def begin_probes(model, parameters, start, inputs, scratch, hh, ws):
         copy_rows(contacts.position[now], inputs.position)
         copy_rows(contacts.orientation[now], inputs.orientation)
     tool_motions(inputs.position, inputs.orientation, inputs.position, inputs.orientation, contacts.motion)
+    let_slide(model, parameters, contacts, xw)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
