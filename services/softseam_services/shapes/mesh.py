@@ -39,8 +39,12 @@ PLANE, SAME_PLANE = 1.0 / 12.0, 2e-3
 """of a surface, what counts as flat; of a normal and of the longest edge, within which triangles lie in one plane"""
 CHAMFER = 0.7
 """spacings: by such a radius a grid's own cells round edges already, a right angle's"""
+CONVEX = 1e-6
+"""of the longest edge: vertices of a convex solid stand out beyond its planes by no more"""
 THINNED = 0.8
 """of a radius by which edges are rounded: so much is taken off walls that are thinner"""
+Surface = tuple[Floats, Ints]
+"""vertices and triangles"""
 _made: dict[tuple[str, bytes, float | None, str | None, str | int | None], ToolMesh] = {}
 
 
@@ -75,8 +79,10 @@ class ToolMesh:
     def rounded(self, radius: float) -> Floats:
         """`row`, with edges of a radius [m]."""
         if radius not in self._rounded:
-            least = radius - CHAMFER * float(self.row[SPACING])
-            self._rounded = {radius: _rounded_row(self.row, least) if least > 0.0 else self.row}
+            row = self.row
+            if radius > CHAMFER * float(row[SPACING]):
+                row = _rounded_row(row, radius, _shrunk(self.vertices, self.triangles, radius))
+            self._rounded = {radius: row}
         return self._rounded[radius]
 
 
@@ -113,24 +119,56 @@ def _distance_row(vertices: Floats, triangles: Ints) -> Floats:
     return np.concatenate([half, origin, [spacing], counts, distance])
 
 
-def _rounded_row(row: Floats, radius: float) -> Floats:
+def _rounded_row(row: Floats, radius: float, core: Surface | None) -> Floats:
     """A grid of distances with the solid's convex edges rounded as a ball of this radius that rolls inside rounds them:
-    the distance to where the solid is so deep, less the radius. Walls that are too thin for it lose THINNED of it."""
+    the distance to where the solid is so deep, its core, less the radius. Walls that are too thin for it lose THINNED
+    of it. Where the core is not known, it is found on the grid, whose cells cut off its edges, as they do the solid's.
+    """
     import igl
 
     counts, spacing = row[COUNTS:VALUES].astype(np.int64), row[SPACING]
     steps = [row[ORIGIN + axis] + spacing * np.arange(counts[axis]) for axis in range(3)]
     at = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
     distance = row[VALUES : VALUES + int(counts.prod())]
-    if distance.min() > -1.5 * spacing - radius:
-        return row
-    fastest = np.ascontiguousarray(distance.reshape(counts).transpose(2, 1, 0).ravel())
-    places = np.ascontiguousarray(at.reshape(*counts, 3).transpose(2, 1, 0, 3).reshape(-1, 3))
-    vertices, triangles = igl.marching_cubes(fastest, places, *(int(n) for n in counts), -radius)[:2]
+    if core is None:
+        radius -= CHAMFER * float(spacing)
+        if distance.min() > -1.5 * spacing - radius:
+            return row
+        fastest = np.ascontiguousarray(distance.reshape(counts).transpose(2, 1, 0).ravel())
+        places = np.ascontiguousarray(at.reshape(*counts, 3).transpose(2, 1, 0, 3).reshape(-1, 3))
+        core = igl.marching_cubes(fastest, places, *(int(n) for n in counts), -radius)[:2]
     by_normals = igl.SignedDistanceType.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
-    inner = igl.signed_distance(at, vertices, triangles.astype(np.int64), by_normals)[0]
+    inner = igl.signed_distance(at, core[0], core[1].astype(np.int64), by_normals)[0]
     rounded = np.minimum(inner - radius, distance + THINNED * radius)
     return np.concatenate([row[:VALUES], np.maximum(rounded, distance)])
+
+
+def _shrunk(vertices: Floats, triangles: Ints, radius: float) -> Surface | None:
+    """Where a convex solid is so deep: its planes, moved inwards. None of others, and where it is nowhere so deep."""
+    from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
+
+    size = float(np.ptp(vertices, axis=0).max())
+    area = triangle_areas(vertices, triangles)
+    normal = area / np.linalg.norm(area, axis=1, keepdims=True)
+    offset = np.einsum("ti,ti->t", normal, vertices[triangles[:, 0]])
+    if (normal @ vertices.T - offset[:, None]).max() > CONVEX * size:
+        return None
+    planes = np.unique(np.round(np.column_stack([normal, (radius - offset) / size]), 9), axis=0)
+    planes[:, 3] *= size
+    middle = vertices.mean(axis=0)
+    if (planes[:, :3] @ middle + planes[:, 3]).max() > -CONVEX * size:
+        return None
+    try:
+        corners = HalfspaceIntersection(planes, middle).intersections
+        hull = ConvexHull(corners)
+    except QhullError:
+        return None
+    faces = hull.simplices.astype(np.int64)
+    across = np.einsum(
+        "ti,ti->t", np.cross(*(corners[faces[:, i]] - corners[faces[:, 0]] for i in (1, 2))), hull.equations[:, :3]
+    )
+    faces[across < 0.0] = faces[across < 0.0][:, ::-1]
+    return corners, faces
 
 
 def _curved_share(vertices: Floats, triangles: Ints) -> float:
