@@ -23,7 +23,7 @@ from softseam_services.fem.kernels.contact import (
     add_contact_forces,
     any_held,
     evaluate_contacts,
-    hold_what_touched,
+    hold_what_stuck,
     lets_go,
     next_anchor,
 )
@@ -217,7 +217,7 @@ def test_what_stuck_is_held_once_however_far_its_tool_has_gone(
     """A multiplier inside the cone stuck in the last step, one on the cone slipped."""
     way = np.array([1e-3, -2e-3, 0.0])
     model, parameters, _, work, tools, x, count = _problem(0.5, multiplier, start=(way[0], way[1], way[2]))
-    hold_what_touched(count, work)
+    hold_what_stuck(count, work)
     for state in states:
         evaluate_contacts(x, model, parameters, tools, count, work)
         assert (work.state[:count] == state).all()
@@ -230,27 +230,22 @@ def test_what_stuck_is_held_once_however_far_its_tool_has_gone(
                 np.testing.assert_allclose(np.linalg.norm(row[5:8]), 0.5 * row[1], rtol=1e-12)
 
 
-@pytest.mark.parametrize(("along", "friction", "sideways"), [(0.1, 0.5, 1.0), (0.5, 0.5, 0.0), (0.0, 0.0, 0.0)])
-def test_what_touched_is_held_once_however_far_its_tool_has_left(
-    along: float, friction: float, sideways: float
-) -> None:
-    """It pulls by the penalty times the gap; what slipped in the last step, or has no friction, slides free."""
-    model, parameters, _, work, tools, x, count = _problem(friction, (along, 0.0, 1.0))
+@pytest.mark.parametrize(("along", "friction", "state"), [(0.1, 0.5, HELD), (0.5, 0.5, OPEN), (0.0, 0.0, OPEN)])
+def test_what_stuck_is_held_once_by_a_tool_that_leaves(along: float, friction: float, state: int) -> None:
+    """It pulls by the penalty times the gap; what slipped in the last step, or has no friction, it leaves."""
+    model, parameters, _, work, tools, x, count = _problem(friction, (along, 0.0, 1.0), start=(1e-6, 0.0, 0.0))
     away = tools._replace(position_next=tools.position_next - np.array([[0.0, 0.0, 1.0]]))
-    for state in HELD, OPEN:
-        if state == HELD:
-            hold_what_touched(count, work)
-        evaluate_contacts(x, model, parameters, away, count, work)
-        assert (work.state[:count] == state).all()
-        assert any_held(count, work) == (state == HELD)
-        for row, pair in zip(work.contact[:count], work.pair[:count], strict=True):
-            carried = work.hold[0, 1] - parameters.point_stiffness[pair[0]] * row[0]
-            np.testing.assert_allclose(row[1], carried if state == HELD else 0.0, rtol=1e-9)
-            np.testing.assert_allclose(row[5:8], [sideways * along if state == HELD else 0.0, 0.0, 0.0], atol=1e-12)
-    work.multiplier[:count] = 0.0
-    hold_what_touched(count, work)
+    hold_what_stuck(count, work)
     evaluate_contacts(x, model, parameters, away, count, work)
-    assert (work.state[:count] == OPEN).all(), "what did not touch is not held"
+    assert (work.state[:count] == state).all()
+    assert any_held(count, work) == (state == HELD)
+    for row, pair in zip(work.contact[:count], work.pair[:count], strict=True):
+        stiffness = parameters.point_stiffness[pair[0]]
+        pull, held = (work.hold[0, 1] - stiffness * row[0], along - stiffness * 1e-6) if state == HELD else (0.0, 0.0)
+        np.testing.assert_allclose(row[1], pull, rtol=1e-9)
+        np.testing.assert_allclose(row[5:8], [held, 0.0, 0.0], atol=1e-9)
+    evaluate_contacts(x, model, parameters, away, count, work)
+    assert (work.state[:count] == OPEN).all()
 
 
 def test_without_friction_nothing_stuck_however_the_tool_is_tilted() -> None:
@@ -263,7 +258,7 @@ def test_without_friction_nothing_stuck_however_the_tool_is_tilted() -> None:
         normal = np.array(tool_gap(PLANE, tools.shape[0], tools.position[0], turn[0], x[0])[1:])
         work.multiplier[:count] = normal
         work.begun[:count, :] += 1e-4 * np.cross(normal, [0.6, 0.0, 0.8])
-        hold_what_touched(count, work)
+        hold_what_stuck(count, work)
         evaluate_contacts(x - 0.1 * normal, model, parameters, tilted, count, work)
         assert (work.state[:count] == SLIP).all()
         assert not lets_go(parameters, tilted, count, work)

@@ -52,8 +52,8 @@ from softseam_services.tools.kernels import bent, patch_press, plane_gap, press,
 
 OPEN, STICK, SLIP = 0, 1, 2
 TO_HOLD, HELD = 3, 4
-"""before an evaluation: what touched in the last step shall touch once more, and stick if it stuck; after it: it does,
-though its tool pulls, or beyond its bound"""
+"""before an evaluation: what stuck in the last step shall stick once more; after it: it does, beyond its bound, or
+pulled by its tool"""
 AT_NODE, ALONE, SPREAD = -1, -2, -3
 """in model.point_face: a node of a face that has points of its own; a point that touches every tool; and one of the
 many of an embedded surface, which touches every tool, too, and keeps a gap: body/contact_points.py"""
@@ -176,9 +176,12 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         pressure = carry * max(0.0, along) + stiffness * inside
         was = work.state[c]
         row[GAP] = gap
-        square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2]
-        pulled = pressure <= 0.0 and was == TO_HOLD and square > 0.0
-        if pressure <= 0.0 and not pulled:
+        mu = coefficient(parameters, point, tool)
+        stuck = False
+        if was == TO_HOLD and along > 0.0:
+            least = _STUCK * mu * along
+            stuck = least > 0.0 and f[0] * f[0] + f[1] * f[1] + f[2] * f[2] - along * along < least * least
+        if pressure <= 0.0 and not stuck:
             row[PRESSURE:SLOPE] = 0.0
             work.state[c] = OPEN
             turned += was != OPEN
@@ -194,15 +197,10 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
         ty = f[1] - along * ny - stiffness * (dy + pace * (offset[1] - across * ny))
         tz = f[2] - along * nz - stiffness * (dz + pace * (offset[2] - across * nz))
         size = np.sqrt(tx * tx + ty * ty + tz * tz)
-        mu = coefficient(parameters, point, tool)
         bound = mu * pressure
         sticks = size <= bound
-        held = was == TO_HOLD and not sticks and along > 0.0
-        if held:
-            least = _STUCK * mu * along
-            held = least > 0.0 and square - along * along < least * least
-        scale = 1.0 if sticks or held else max(0.0, bound / size)
-        held = held or pulled
+        held = stuck and not sticks
+        scale = 1.0 if sticks or held else bound / size
         same_way = row[TRACTION] * tx + row[TRACTION + 1] * ty + row[TRACTION + 2] * tz > 0.0
         row[RELAXED] = 0.5 if (not sticks and was == SLIP and same_way) else 0.0
         row[PRESSURE] = pressure
@@ -218,12 +216,12 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
 
 
 @njit(cache=True, error_model="numpy")
-def hold_what_touched(count, work):
-    """Have points that touched in the last step touch in the next evaluation, and those stick that stuck, however far
-    their tool has gone since.
+def hold_what_stuck(count, work):
+    """Have points that stuck in the last step stick in the next evaluation, however far their tool has gone since.
 
     Where tools start, stop or turn, all points seem to slip, or to be left, before the body has followed, and their
     force is bounded; held, they take the body along in the first iteration, and slip or open after it where they must.
+    What slides is not: drawn back by a tool it would jump to other places in contact.
     """
     for c in range(count):
         work.state[c] = TO_HOLD
@@ -231,7 +229,7 @@ def hold_what_touched(count, work):
 
 @njit(cache=True, error_model="numpy")
 def any_held(count, work):
-    """Whether a tool pulls at a point, or one sticks beyond its bound."""
+    """Whether a point sticks beyond its bound."""
     for c in range(count):
         if work.state[c] == HELD:
             return True

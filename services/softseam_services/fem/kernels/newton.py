@@ -22,7 +22,7 @@ from softseam_services.fem.kernels.contact import (
     any_held,
     evaluate_contacts,
     firm_way,
-    hold_what_touched,
+    hold_what_stuck,
     lets_go,
 )
 from softseam_services.fem.kernels.contact_changes import solve_with_changes
@@ -195,11 +195,11 @@ def farthest(x0, x):
 
 @njit(cache=True, error_model="numpy")
 def _back_to(x0, x, count, work):
-    """Drop the first guess x for the start of the step, in place, where points that touched are held; returns 0.0."""
+    """Drop the first guess x for the start of the step, in place, where points that stuck are held; returns 0.0."""
     for node in range(len(x)):
         for i in range(3):
             x[node, i] = x0[node, i]
-    hold_what_touched(count, work)
+    hold_what_stuck(count, work)
     return 0.0
 
 
@@ -229,7 +229,7 @@ def newton(x, x0, model, parameters, tree, tools, count, inertia, share, setting
 
     The first guess is dropped for x0, the start of the step, where its correction is as large as its way from there: a
     tool stopped or turned. So is one that merely `flies` on where it loses its contacts (`lets_go`). From x0, points
-    that touched are held once (`hold_what_touched`). The factor at hand is tried first, with Anderson acceleration; a
+    that stuck are held once (`hold_what_stuck`). The factor at hand is tried first, with Anderson acceleration; a
     new one is made where contacts are missing in it or convergence is slow. Where that goes on for long, what changed
     at contacts since the factor was made is solved for, too (kernels/contact_changes.py).
     careful: a new, positive semi-definite matrix every time, short steps, and a line search along each, until contacts
@@ -246,7 +246,7 @@ def newton(x, x0, model, parameters, tree, tools, count, inertia, share, setting
     limit = (_CAREFUL_LIMIT if careful else _LIMIT) * parameters.edge
     closer = -np.inf if careful else _AHEAD * parameters.edge
     if guessed < _FAR * parameters.edge and not careful:
-        hold_what_touched(count, work)
+        hold_what_stuck(count, work)
     for iteration in range(1, most + 1):
         if work.halt[0] != 0:
             return STALLED, iteration
