@@ -21,6 +21,7 @@ from softseam_services.fem.kernels.contact import (
 )
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, PLANE
+from softseam_services.tools.edged import PATCHES
 from softseam_services.tools.kernels import (
     SLOW,
     rotate,
@@ -86,17 +87,26 @@ def _turn_force(tools, tool, side, xp, force):
 
 
 @njit(cache=True, error_model="numpy")
-def meets(tools, tool, start, end, plane):
-    """Whether a point on its way through the step meets a tool that it may pass; plane (4,) <- where, in its frame."""
+def meets(tools, tool, start, end, slow, plane):
+    """Whether a point on its way through the step, of more than `slow` [m], meets a tool that it may pass; plane (4,)
+    <- where, in its frame."""
     position, turn = tools.position[tool], tools.orientation[tool]
     at = rotate_back(turn, start[0] - position[0], start[1] - position[1], start[2] - position[2])
     position, turn = tools.position_next[tool], tools.orientation_next[tool]
     to = rotate_back(turn, end[0] - position[0], end[1] - position[1], end[2] - position[2])
-    kind, shape, slow = tools.kind[tool], tools.shape[tool], SLOW * tools.reach[tool]
-    met, gap, nx, ny, nz = swept_gap(kind, shape, _ORIGIN, _UPRIGHT, at, to, slow)
+    met, gap, nx, ny, nz = swept_gap(tools.kind[tool], tools.shape[tool], _ORIGIN, _UPRIGHT, at, to, slow)
     if met:
         plane[0], plane[1], plane[2], plane[3] = nx, ny, nz, nx * to[0] + ny * to[1] + nz * to[2] - gap
     return met
+
+
+@njit(cache=True, error_model="numpy")
+def _comes_in(tools, tool, end, plane):
+    """Whether a point (3,) that met a tool in the plane (4,) ends inside it, and nearest to where it came in."""
+    position, turn = tools.position_next[tool], tools.orientation_next[tool]
+    to = rotate_back(turn, end[0] - position[0], end[1] - position[1], end[2] - position[2])
+    gap, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], _ORIGIN, _UPRIGHT, to)
+    return gap < 0.0 and nx * plane[0] + ny * plane[1] + nz * plane[2] > 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -195,11 +205,15 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                     inside = tool_gap(kind, shape, tools.position[tool], tools.orientation[tool], xp)[0] < 0.0
                     if inside and touched and coefficient(parameters, point, tool) < 1.0:
                         side = side_along(tools.orientation[tool], f0, f1, f2)
-                if (side == -1 or edged) and kind != PLANE and not touched and reach > SLOW * tools.reach[tool]:
+                slow = SLOW * tools.reach[tool]
+                if edged:  # no wall is thinner than two places of a patch
+                    slow = max(slow, parameters.face_edge[face] / (PATCHES * tools.places[tool]))
+                if (side == -1 or edged) and kind != PLANE and not touched and reach > slow:
                     point_position(v, model, parameters, point, ahead)
                     for i in range(3):
                         ahead[i] = xp[i] + dt * ahead[i]
-                    if meets(tools, tool, xp, ahead, work.plane[count]):
+                    met = meets(tools, tool, xp, ahead, slow, work.plane[count])
+                    if met and not (edged and _comes_in(tools, tool, ahead, work.plane[count])):
                         side = SWEPT
                 work.pair[count, 0] = point
                 work.pair[count, 1] = tool

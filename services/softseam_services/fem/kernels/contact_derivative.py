@@ -36,7 +36,7 @@ from softseam_services.fem.kernels.contact import (
 )
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import CYLINDER, PLANE
-from softseam_services.tools.kernels import patch_press, rotate, tool_gap
+from softseam_services.tools.kernels import SLOW, patch_press, rotate, tool_gap
 
 BY_PENALTY, BY_FRICTION = 0, 1
 """columns of `numbers`"""
@@ -255,16 +255,16 @@ def _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out):
     if slips and row[TRIAL] > 0.0:
         for i in range(3):
             e[i] = (q[i] - across * row[NORMAL + i]) / row[TRIAL]
-    apart = _APART * parameters.edge
+    apart, slow = _APART * parameters.edge, SLOW * tools.reach[tool]
     for which in range(2):
         for j in range(3):
             at = ends[which, j]
             for i in range(4):
                 plane[i] = other[i] = work.plane[c, i]
             ends[which, j] = at + apart
-            meets(tools, tool, ends[0], ends[1], plane)
+            meets(tools, tool, ends[0], ends[1], slow, plane)
             ends[which, j] = at - apart
-            meets(tools, tool, ends[0], ends[1], other)
+            meets(tools, tool, ends[0], ends[1], slow, other)
             ends[which, j] = at
             for i in range(4):
                 plane[i] = (plane[i] - other[i]) / (2.0 * apart)
