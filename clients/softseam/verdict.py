@@ -41,10 +41,10 @@ def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
     """Lifted, set down or dropped, where a body was gripped or carried as tools went up; else whether the run came to
     its end.
 
-    Dropped: in the end the tools that lift press on it with less than 5 % of their largest force, or the body's lowest
-    point rose by less than half of the tools' rise and slip explains at least half of the difference. A long body that
-    hangs from the tools with one end on the ground is not dropped. Set down: it rose with the tools, was lowered by
-    them, and did not fall when they lost it.
+    Dropped: in the end the tools that lift, of a grip two of them, press on it with less than 5 % of their largest
+    force, or the body's lowest point rose by less than half of the tools' rise and slip explains at least half of the
+    difference. A long body that hangs from the tools with one end on the ground is not dropped. Set down: it rose with
+    the tools, was lowered by them, and did not fall when they lost it.
     """
     end = "" if done else f", but the run ends early at {columns.last('time'):.3g} s"
     if not len(columns):
@@ -56,10 +56,12 @@ def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
         return ended  # what is clamped, or let go, is not lifted
     risen = tool_rise(names, columns)
     forces = [np.stack([columns[f"tool.{name}.f{axis}"] for axis in "xyz"]) for name in names]
-    force = np.asarray(sum(np.linalg.norm(each, axis=0) for each in forces))
+    sizes = np.array([np.linalg.norm(each, axis=0) for each in forces])
+    # a grip has lost what leans on one of its tools
+    force = np.sort(sizes, axis=0)[-2] if len(names) > 1 and _grips_that_rise(scene) else sizes.sum(axis=0)
     of = prefix(held, scene.bodies)
     height = columns[f"quantity.{of}lift_height"]
-    if force.any() and not (_grips_that_rise(scene) or _carried(risen, sum(each[2] for each in forces), names, height)):
+    if sizes.any() and not (_grips_that_rise(scene) or _carried(risen, sum(each[2] for each in forces), names, height)):
         return ended  # pressed, and left
     set_down = _set_down(columns["time"], risen, np.where(np.isfinite(height), height, risen), force)
     if set_down:
@@ -67,7 +69,7 @@ def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
     rise = float(risen[-1])
     if rise < _RISE:
         return ended
-    touched, touches = bool(force.max() > 0.0), bool(force[-1] > _LOST * force.max())
+    touched, touches = bool(sizes.max() > 0.0), bool(force[-1] > _LOST * force.max())
     lift = float(height[-1]) if np.isfinite(height[-1]) else (rise if touches else 0.0)
     slip = columns[f"quantity.{of}slip"]
     slip = slip[np.isfinite(slip)]

@@ -29,14 +29,19 @@ def scene(*motion: dict[str, Any]) -> Scene:
 
 
 def columns(
-    left: Sequence[float], right: Sequence[float], body: Sequence[float] | None, force: Sequence[float]
+    left: Sequence[float],
+    right: Sequence[float],
+    body: Sequence[float] | None,
+    force: Sequence[float],
+    leans: float = 0.0,
 ) -> Columns:
-    """Of a run in steps of 0.1 s: heights of two fingers and of the body [m], and the force of each finger [N]."""
+    """Of a run in steps of 0.1 s: heights of two fingers and of the body [m], and the force of each finger [N], the
+    left one's at least what leans on it."""
     found = Columns(0.1, ("ground", "left", "right", "ball"))
     like = next(message for message in Squeeze(1).messages() if isinstance(message, StepReport))
     for k, (a, b, f) in enumerate(zip(left, right, force, strict=True)):
         position, wrench = np.zeros((4, 3)), np.zeros((4, 6))
-        position[1:3, 2], wrench[1:3, 0] = (a, b), (-f, f)
+        position[1:3, 2], wrench[1:3, 0] = (a, b), (-max(f, leans), f)
         header = replace(like.header, step=k, time=0.1 * k)
         quantities = {"slip": 1e-4} | ({} if body is None else {"lift_height": body[k]})
         found.add(replace(like, header=header, tool_position=position, wrench=wrench, quantities=quantities))
@@ -88,6 +93,14 @@ def test_what_was_lowered_before_it_was_let_go_is_set_down(known: bool) -> None:
     body = [0.0, 0.025, 0.05, 0.025, 0.001, 0.0, 0.0, 0.0] if known else None
     found = verdict(PLACED, AWAY, body, HELD)
     assert found.outcome == "set down" and "rose by 50.0 mm" in found.text and "down again before" in found.text
+
+
+def test_what_leans_on_one_finger_is_let_go_when_the_other_goes_up() -> None:
+    """It was "lifted" by half of that finger's way."""
+    off = scene(CLOSE, UP, DOWN, {"tools": ["right"], "move": [0.02, 0, 0.01], "speed": 0.05})
+    left, right = [0.0, 0.025, 0.05, 0.025, 0.0, 0.0, 0.0], [0.0, 0.025, 0.05, 0.025, 0.0, 0.005, 0.01]
+    found = judge(off, columns(left, right, left, [5.0] * 5 + [0.0] * 2, leans=1.0), True)
+    assert found.outcome == "set down" and "rose by 50.0 mm" in found.text
 
 
 def test_what_is_set_down_on_something_higher_stays_there() -> None:

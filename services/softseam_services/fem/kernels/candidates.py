@@ -34,6 +34,8 @@ from softseam_services.tools.kernels import (
 )
 
 _NOBODY, SEVERAL = -1, -2
+_ALIKE = 0.9
+"""of the cosine of two normals: those of one side"""
 _ORIGIN, _UPRIGHT = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 
 
@@ -106,7 +108,7 @@ def _comes_in(tools, tool, end, plane):
     position, turn = tools.position_next[tool], tools.orientation_next[tool]
     to = rotate_back(turn, end[0] - position[0], end[1] - position[1], end[2] - position[2])
     gap, nx, ny, nz = tool_gap(tools.kind[tool], tools.shape[tool], _ORIGIN, _UPRIGHT, to)
-    return gap < 0.0 and nx * plane[0] + ny * plane[1] + nz * plane[2] > 0.0
+    return gap < 0.0 and nx * plane[0] + ny * plane[1] + nz * plane[2] > _ALIKE
 
 
 @njit(cache=True, error_model="numpy")
