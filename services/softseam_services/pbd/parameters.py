@@ -158,7 +158,8 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
     free = ~region.fixed & (mass > 0.0)
     inverse_mass[free] = 1.0 / mass[free]
     x_rest = np.ascontiguousarray(body.x_rest[region.nodes])
-    points = find_points(body, region, tools, model.levels.coarse)
+    felt = with_round_edges(tools, body)
+    points = find_points(body, region, felt, model.levels.coarse)
     _, _, weight = model.levels.rows(*points.rows)
     tilt = [model.levels.rows(*points.rows[:2], np.ascontiguousarray(along))[2] for along in points.tilt.T]
     frequency = highest_frequency(
@@ -168,7 +169,7 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
     rate = frequency / _limit(model, body, region, spec)
     return PbdParameters(
         spec=spec,
-        tools=with_round_edges(tools, body),
+        tools=felt,
         blocks=make_viscous(blocks, rate * spec.damping.stiffness),
         gravity=body.gravity,
         x_rest=x_rest,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Body
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.outer_faces import is_covered_by_faces
-from softseam_services.shapes.branches import BOX, PLANE
+from softseam_services.shapes.branches import BOX, CYLINDER, PLANE
 from softseam_services.tools.kernels import rotate_back
 from softseam_services.tools.tool_set import ToolSet
 
@@ -17,6 +19,8 @@ PATCHES = 4
 ROUND = 0.15
 """radius by which edges are rounded that press into a face, in edges of its cell: points lie a quarter of one apart,
 and a sharper edge lets go of them one row at a time (docs/decisions/19)"""
+_AXIS = 2
+"""of a cylinder, in its frame"""
 MARGIN = 0.02
 """cell edges by which a tool's face has to stand out beyond the body if no edge of it is to touch"""
 
@@ -38,12 +42,16 @@ def pressing_between(tools: ToolSet, body: Body) -> NDArray[np.bool_]:
 
 
 def with_round_edges(tools: ToolSet, body: Body) -> ToolSet:
-    """The tools as the body feels them: no edge is rounded by more than the body stands out beyond it at time 0."""
-    radius = np.zeros(len(tools.names))
+    """The tools as the body feels them: no edge is rounded by more than the body stands out beyond it at time 0, and a
+    cylinder is flat whose end looks at the body then, else round all over: were it both, the energy of contact would
+    change where one ends."""
+    radius, geometry = np.zeros(len(tools.names)), list(tools.geometry)
     for tool in np.flatnonzero(pressing_between(tools, body)):
+        if tools.kind[tool] == CYLINDER and _seen(tools, int(tool), body)[0] == _AXIS:
+            geometry[tool] = replace(geometry[tool], bends=0.0)
         if tools.geometry[tool].rounded is not None:
             radius[tool] = np.clip(_bared(tools, int(tool), body), 0.0, ROUND * body.resolution)
-    return tools.felt(float(body.edges.max()) / PATCHES, radius)
+    return replace(tools, geometry=tuple(geometry)).felt(float(body.edges.max()) / PATCHES, radius)
 
 
 def face_width(tools: ToolSet, tool: int, body: Body) -> float:

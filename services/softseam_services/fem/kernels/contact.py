@@ -48,7 +48,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import bent, patch_press, plane_gap, press, side_gap, tool_gap
+from softseam_services.tools.kernels import patch_press, plane_gap, press, side_gap, tool_gap
 
 OPEN, STICK, SLIP = 0, 1, 2
 TO_HOLD, HELD = 3, 4
@@ -171,7 +171,7 @@ def evaluate_contacts(x, model, parameters, tools, count, work):
             inside = -gap
         inside += work.hold[c, 2]
         if work.side[c] != EDGED and sag > 0.0 and inside > 0.0:
-            inside, slope = press(inside, sag * bent(tools.kind[tool], orientation, nx, ny, nz))
+            inside, slope = press(inside, sag)
         row[SLOPE] = slope * stiffness
         pressure = carry * max(0.0, along) + stiffness * inside
         was = work.state[c]

@@ -40,7 +40,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import bent, patch_press, patch_yields, steepness, tool_gap, tool_travel
+from softseam_services.tools.kernels import patch_press, patch_yields, steepness, tool_gap, tool_travel
 
 from .lanes import LANES, four, three, transpose_four
 
@@ -163,7 +163,7 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
             state.steady[point, tool] = 0.0
             continue
         due = max(0.0, fx * nx + fy * ny + fz * nz)
-        lag = lags[point, tool] * bent(kind, turn, nx, ny, nz) if contacts.slow[tool] else 0.0
+        lag = lags[point, tool] if contacts.slow[tool] else 0.0
         due *= patch_yields(softness[point], lag, due / grade) / grade
         held = carried or state.steady[point, tool, 0] != 0.0 or state.steady[point, tool, 1] != 0.0
         rank = 0.0 if held or gap <= 0.0 else 1.0 if gap < contacts.ahead[tool] else 2.0

@@ -77,15 +77,6 @@ def press(inside, sag):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def bent(kind, orientation, nx, ny, nz):
-    """Part of s of eq. (1) that counts where a tool has this normal [1]: none at the flat ends of a cylinder."""
-    if kind != CYLINDER:
-        return 1.0
-    along = rotate_back(orientation, nx, ny, nz)[2]
-    return 1.0 - along * along
-
-
-@njit(cache=True, error_model="numpy", forceinline=True)
 def _on_one_face(shape, x, y, z, u, v):
     """Which face of a box with half edges and their radius (4,) all of a patch is nearest to, u and v of which are its
     edges in the frame of the box: 0, 1 or 2 for the axis of that face; -1: none, or an edge."""
@@ -167,9 +158,8 @@ def patch_press(kind, shape, position, orientation, point, u, v, sag, places):
             least = min(least, gap)
             if gap < 0.0:
                 f, k = -gap, 1.0
-                here = sag * (1.0 - nz * nz if kind == CYLINDER else 1.0)
-                if here > 0.0:
-                    f, k = press(f, here)
+                if sag > 0.0:
+                    f, k = press(f, sag)
                 fx, fy, fz = fx + f * nx, fy + f * ny, fz + f * nz
                 ux, uy, uz = ux + s * f * nx, uy + s * f * ny, uz + s * f * nz
                 vx, vy, vz = vx + t * f * nx, vy + t * f * ny, vz + t * f * nz
