@@ -114,20 +114,20 @@ class Pressed:
 @pytest.mark.parametrize("kind", ["box", "mesh"])
 def test_a_turned_box_that_is_pressed_and_drawn_back_does_no_work(kind: str, angle: float) -> None:
     """Boxes made 1, 2, 4, 9 and 20 % of the loading work, and felt 5 to 20 % more on their way out; as a mesh one lost
-    13 % at .26 rad."""
+    13 % at .26 rad. Where slow patches met planes, 1 to 2 % were left."""
     pressed = Pressed(kind, np.array([0.0, angle, 0.0]))
     into, out = pressed.move((0.0, 0.0, -0.004), 20), pressed.move((0.0, 0.0, 0.004), 20)
-    assert abs(pressed.work) < 0.012 * pressed.put_in
-    np.testing.assert_allclose(out[-2::-1], into[:-1], atol=0.06 * into[-1])  # Newton's method stops at .1 % of a cell
+    assert abs(pressed.work) < 0.002 * pressed.put_in
+    np.testing.assert_allclose(out[-2::-1], into[:-1], atol=0.01 * into[-1])  # Newton's method stops at .1 % of a cell
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.26, 0.7])
 def test_a_box_and_its_mesh_press_alike(angle: float) -> None:
-    """Within 5 % in force, 3 % in work: of grids edges are rounded a little otherwise."""
+    """Within 1 % in force, .5 % in work; it was 5 and 3 %, when the grid's cells cut off what they were rounded by."""
     both = [Pressed(kind, np.array([0.0, angle, 0.0])) for kind in ("box", "mesh")]
     box, mesh = (pressed.move((0.0, 0.0, -0.004), 8) for pressed in both)
-    np.testing.assert_allclose(mesh[3:], box[3:], rtol=0.05)
-    assert both[1].work == pytest.approx(both[0].work, rel=0.03)
+    np.testing.assert_allclose(mesh[3:], box[3:], rtol=0.01)
+    assert both[1].work == pytest.approx(both[0].work, rel=0.005)
 
 
 @pytest.mark.parametrize("number", range(6))
@@ -139,7 +139,7 @@ def test_tools_in_random_poses_do_no_work(kind: str, number: int) -> None:
     into = pressed.move((0.0, 0.0, -0.003), 15)
     pressed.move((0.0, 0.0, 0.003), 15)
     assert into[-1] > 0.01
-    assert abs(pressed.work) < 0.015 * pressed.put_in
+    assert abs(pressed.work) < 0.002 * pressed.put_in
 
 
 def test_a_plate_that_covers_the_block_does_no_work() -> None:
@@ -150,15 +150,15 @@ def test_a_plate_that_covers_the_block_does_no_work() -> None:
     assert abs(pressed.work) < 0.005 * pressed.put_in
 
 
-@pytest.mark.parametrize("kind", ["box", "mesh", "sphere"])
+@pytest.mark.parametrize("kind", ["box", "mesh", "cylinder", "capsule", "sphere"])
 def test_a_tool_that_goes_along_the_surface_makes_nothing(kind: str) -> None:
-    """In, along by 4 mm, out: what rows of points lose as they snap over a sharp edge is lost, but a box made 31 % of
-    the loading work (at .7 rad three times that work), as a mesh 22 %."""
+    """In, along by 4 mm, out: a box made 31 % of the loading work (at .7 rad three times that work), as a mesh 22 %; a
+    cylinder whose rims were round by as much as it leant made 6 %, at .5 rad 28 %."""
     pressed = Pressed(kind, np.array([0.0, 0.1, 0.0]))
     pressed.move((0.0, 0.0, -0.003), 15)
     pressed.move((0.004, 0.0, 0.0), 80)
     pressed.move((0.0, 0.0, 0.003), 15)
-    assert -0.03 * pressed.put_in < pressed.work < 0.12 * pressed.put_in
+    assert abs(pressed.work) < 0.006 * pressed.put_in
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.26, 0.7])
