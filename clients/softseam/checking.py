@@ -92,6 +92,7 @@ def _check_body(
     from softseam_services.body.errors import SettingError
     from softseam_services.body.particles import ParticleBody
     from softseam_services.orchestrator.goal import Goal
+    from softseam_services.orchestrator.grip_sides import grip_sides
     from softseam_services.orchestrator.probes import Probes
     from softseam_services.pbd.levels import coarse_cells
 
@@ -140,6 +141,8 @@ def _check_body(
         table.add_row("symmetry", symmetric(scene))
     for number, (inclusion, part) in enumerate(zip(scene.body.inclusions, body.parts, strict=True)):
         table.add_row(f"inclusion {number}", _inclusion(inclusion.shape.kind, part))
+    if sides := grip_sides(setup):
+        table.add_row("grip", sides)
     table.add_row("models", _models(setup))
     try:
         doubts = doubts_of(setup, body)
