@@ -185,7 +185,7 @@ def test_the_seam_is_probed_with_points_in_part() -> None:
 
 def test_the_seam_is_probed_while_pads_slide() -> None:
     """Compliance against central differences of a step in which points slip: .21 off, .31 where they would stick."""
-    held = {"fixed": [{"min": (-1.0, -1.0, -1.0), "max": (-0.024, 1.0, 1.0)}]}
+    held: dict[str, Any] = {"fixed": [{"min": (-1.0, -1.0, -1.0), "max": (-0.024, 1.0, 1.0)}]}
     scene = block_scene(cell=0.025, tools=two_pads(0.021, 0.3), moved=("low", "high"), step=0.01, **held)
     whole = PbdRun(scene)
     cells = np.flatnonzero(whole.body.cell_grid[:, 0] == 0).astype(np.int32)
