@@ -208,7 +208,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                     if inside and touched and coefficient(parameters, point, tool) < 1.0:
                         side = side_along(tools.orientation[tool], f0, f1, f2)
                 slow = SLOW * tools.reach[tool]
-                if edged:  # no wall is thinner than two places of a patch
+                if edged:  # a wall is as thick as two places of a patch, or thicker
                     slow = max(slow, parameters.face_edge[face] / (PATCHES * tools.places[tool]))
                 if (side == -1 or edged) and kind != PLANE and not touched and reach > slow:
                     point_position(v, model, parameters, point, ahead)
