@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from fnmatch import fnmatch
 from pathlib import Path
@@ -21,6 +21,7 @@ from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Obse
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.consistency import candidates
 from softseam_protocol.scene.file import SceneError, scene_from_bundle
+from softseam_protocol.scene.kinds import ModelKind
 from softseam_protocol.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -229,9 +230,7 @@ def surfaces_of(bundle: Bundle, seed: int) -> Mapping[str, SurfaceMesh]:
 
 def compile_first(scene: Scene) -> None:
     """Compile what no process has compiled yet on this machine and a scene needs, so that no step waits for it."""
-    from softseam_services.warm_up import compile_side_by_side, never_compiled
-
-    models: set[str] = set()
+    models: set[ModelKind] = set()
     for name, body in scene.bodies.items():
         if not isinstance(body, BodySpec):
             continue  # particles: few kernels, which compile in seconds
@@ -239,6 +238,16 @@ def compile_first(scene: Scene) -> None:
             regions = one.regions
             models |= {regions.far, *(() if regions.near is None else (regions.near.model,))}
             models |= set() if regions.goal is None else {"fem"}  # whose kernels solve for the adjoint
+    compile_models(models)
+
+
+def compile_models(models: Iterable[ModelKind]) -> None:
+    """Compile of these models what no process has compiled yet on this machine. Raises SoftseamError where the
+    solvers are not installed."""
+    try:
+        from softseam_services.warm_up import compile_side_by_side, never_compiled
+    except ImportError as error:
+        raise missing_extra(error, "simulating in this process") from error
     fresh = [model for model in sorted(models) if never_compiled(model)]
     if fresh:
         if sys.stderr.isatty():

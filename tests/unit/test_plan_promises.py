@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, sleep
 from typing import Any
 
 import numpy as np
@@ -111,3 +111,21 @@ def test_what_is_vaguely_known_is_refined_with_all_of_the_minutes(
     with pytest.raises(NoPlan):
         plan_command.find(wishes, Console(quiet=True))
     assert budgets == wanted
+
+
+def test_minutes_begin_when_solvers_are_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other processes compile them, which took all minutes of a first plan."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    left = list[float]()
+
+    def search(*given: Any, **how: Any) -> None:
+        left.append(given[6].left())
+        raise NoPlan("enough is known")
+
+    monkeypatch.setattr(plan_command, "search", search)
+    wishes = plan_command.Wishes("tofu_grasp", tolerance=0.05, quantities=("grip_force",), minutes=1.0)
+    for waits in (0.0, 1.5):
+        monkeypatch.setattr(plan_command, "compile_models", lambda models, waits=waits: sleep(waits))
+        with pytest.raises(NoPlan, match="enough"):
+            plan_command.find(wishes, Console(quiet=True))
+    assert left[1] > left[0] - 0.5

@@ -7,13 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
+from typing import get_args
 
 from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam.embedded import compile_clock
+from softseam.embedded import compile_clock, compile_models
 from softseam.errors import BadInput
 from softseam.scenes import bundle_of
 from softseam.study.bundled import digest_of
@@ -30,6 +31,7 @@ from softseam.study.study import Study, reference_of, study_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.kinds import ModelKind
 from softseam_protocol.scene.scene import Scene
 
 STARTING = 4.0
@@ -116,7 +118,10 @@ def _found(
         f"planning {study.scene.name} for {100 * goal.tolerance:.2g} %, which may take {minutes:g} min and is "
         f"stored in {store.folder.parent}: `softseam plan` shows how it gets on"
     )
-    deadline = Deadline(60.0 * minutes - STARTING - (perf_counter() - began), compiled)
+    used = perf_counter() - began
+    if isinstance(study.scene.body, BodySpec):
+        compile_models(get_args(ModelKind))  # apart from the minutes: no run can begin before
+    deadline = Deadline(60.0 * minutes - STARTING - used, compiled)
     found = search(study, goal, names, store, minutes, console, deadline, fresh=wishes.fresh)
     given = {name: why for name, why in prescribed(study.scene).items() if name in study.names(wishes.quantities)}
     found = found.model_copy(update={"left_out": found.left_out | given})
