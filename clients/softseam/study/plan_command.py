@@ -92,6 +92,7 @@ def find(
 def _found(
     wishes: Wishes, goal: Goal, console: Console, begins: Callable[[str], None], compiled: Clock, began: float
 ) -> Plan:
+    began += _compiled(wishes)  # apart from the minutes: no run can begin before
     study = study_of(wishes.scene, wishes.settings)
     is_mesh = isinstance(study.scene.body, BodySpec) and not isinstance(study.scene.body.shape, BlockShape)
     usual = MINUTES_OF_MESH if is_mesh else MINUTES
@@ -118,10 +119,7 @@ def _found(
         f"planning {study.scene.name} for {100 * goal.tolerance:.2g} %, which may take {minutes:g} min and is "
         f"stored in {store.folder.parent}: `softseam plan` shows how it gets on"
     )
-    used = perf_counter() - began
-    if isinstance(study.scene.body, BodySpec):
-        compile_models(get_args(ModelKind))  # apart from the minutes: no run can begin before
-    deadline = Deadline(60.0 * minutes - STARTING - used, compiled)
+    deadline = Deadline(60.0 * minutes - STARTING - (perf_counter() - began), compiled)
     found = search(study, goal, names, store, minutes, console, deadline, fresh=wishes.fresh)
     given = {name: why for name, why in prescribed(study.scene).items() if name in study.names(wishes.quantities)}
     found = found.model_copy(update={"left_out": found.left_out | given})
@@ -130,6 +128,15 @@ def _found(
     except BadInput as error:  # what was found is not lost for that
         console.print(Text(f"the plan is not stored: {error}", style="yellow"), soft_wrap=True)
     return found
+
+
+def _compiled(wishes: Wishes) -> float:
+    """Compile the models that a plan chooses from; returns how long that took [s]."""
+    scene, _ = bundle_of(wishes.scene)
+    began = perf_counter()
+    if any(isinstance(body, BodySpec) for body in scene.bodies.values()):
+        compile_models(get_args(ModelKind))
+    return perf_counter() - began
 
 
 def search(
