@@ -81,10 +81,10 @@ def test_where_one_model_is_enough_the_scene_is_that_model() -> None:
 
 @pytest.mark.slow
 def test_a_scene_that_one_model_is_enough_for_costs_what_that_model_does() -> None:
-    """tofu_grasp as it is against FEM alone, step by step in turns: processor time, the least of 20 runs, to 12 %.
+    """tofu_grasp as it is against FEM alone, step by step in turns: processor time, the least of 20 runs, to 8 %.
 
-    Of six runs the ratio was found from .86 to 1.13 on a machine whose speed changes, of 21 from 1.01 to 1.02; from
-    1.04 to 1.09 since steps of FEM take a sixth less: to watch where the tools are takes what it took.
+    Of six runs the ratio was found from .86 to 1.13 on a machine whose speed changes, of 21 from 1.02 to 1.03 beside
+    another job, and up to 1.09 beside several: of 600 us a step, to watch where the tools are takes 16.
     """
     scene = load_scene(SCENES / "tofu_grasp.yaml").scene
     both = [Simulation(bundle_scene(each, {}), EmbeddedTransport()) for each in (scene, with_model(scene, "fem"))]
@@ -101,7 +101,7 @@ def test_a_scene_that_one_model_is_enough_for_costs_what_that_model_does() -> No
     as_is, alone = (np.min(runs[1:], axis=0).sum() for runs in spent)
     for simulation in both:
         simulation.close()
-    assert as_is <= 1.12 * alone
+    assert as_is <= 1.08 * alone
 
 
 def test_tofu_is_lifted() -> None:
