@@ -2,18 +2,23 @@
 
 An interface makes rows. Each row is a vector condition on the coupling nodes of two parts, a and b,
 
-    g = w_a x_a - w_b x_b - offset = 0                (c, 3) [m]                                                (1)
+    g = w_a x_a - w_b x_b - offset + give lambda = 0  (c, 3) [m]                                                (1)
 
 and its multiplier (c, 3) [N] is the force on a; b feels what belongs to it, so that the interface does no work:
 
     f_a = +w_a^T lambda,   f_b = -w_b^T lambda                                                                  (2)
 
-The kinds of interface differ in the rows that they make, and in nothing else: one file each in `interfaces/`.
+A row that gives nothing is a constraint. One with a normal n presses along it only, and only where it would close:
+
+    lambda = p n,   p >= 0,   n . g >= 0,   p n . g = 0                                                         (3)
+
+The kinds of interface differ in the rows that they make, and in nothing else:
+one file each in `interfaces/`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +31,7 @@ __all__ = ["Interface"]
 
 @dataclass(frozen=True)
 class Interface:
-    """The rows of one interface, as they stay for an epoch: c rows, n_a and n_b coupling nodes that they act on."""
+    """The rows of one interface in a step, c in every one, and the n_a and n_b coupling nodes that they act on."""
 
     name: str
     parts: tuple[str, str]
@@ -37,6 +42,10 @@ class Interface:
     """w_a (c, n_a) and w_b (c, n_b) [1]; None is the identity"""
     offset: Floats
     """(c, 3) [m]"""
+    give: Floats = field(default_factory=lambda: np.zeros(0))
+    """(c,) [m/N]; empty: nothing"""
+    normal: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    """unit vectors from b to a of rows that press (c, 3) [1], zero of those that hold; empty: all hold"""
 
     @property
     def n_rows(self) -> int:

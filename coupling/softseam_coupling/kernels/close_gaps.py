@@ -82,10 +82,10 @@ def gap_at(table, rows, x, offset):
 
 
 @njit(cache=True, error_model="numpy")
-def _apply(table, rows, compliances, impedances, unknown, acted, multipliers, push, move, left):
+def _apply(table, rows, compliances, impedances, give, unknown, acted, multipliers, push, move, left):
     """What the parts do under the unknown, where these forces acted on their nodes.
 
-    Fills multipliers, push and move, and left, the change of the gaps.
+    Fills multipliers, push and move, and left, the change of the gaps, with what rows give under the multipliers.
     """
     n_rows = len(unknown)
     multipliers[:] = unknown
@@ -118,6 +118,8 @@ def _apply(table, rows, compliances, impedances, unknown, acted, multipliers, pu
                     back = _dot(impedances[begin : begin + n], own_move)
                     multipliers[i] = sign * (own_push[i] - back + acted[first + i])
             _add_to_rows(part, rows, own_move, left)
+    for i in range(n_rows):
+        left[i] += give[i] * multipliers[i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -126,9 +128,10 @@ def _norm(vector):
 
 
 @njit(cache=True, error_model="numpy")
-def close_gaps(table, rows, compliances, impedances, inverse, gap, first, acted, tolerance):
+def close_gaps(table, rows, compliances, impedances, give, inverse, gap, first, acted, tolerance):
     """Multipliers (3c,) [N], pushes [N] and moves [m] of the parts' nodes (3N,), to gaps of `tolerance` [m].
 
+    give     of all rows (3c,) [m/N]
     inverse  of W (3c * 3c) [N/m]
     gap      of all rows, where the parts went (3c,) [m]
     first    multipliers from which the solve begins (3c,) [N]
@@ -141,7 +144,7 @@ def close_gaps(table, rows, compliances, impedances, inverse, gap, first, acted,
     for p in range(len(table)):
         if table[p, PUSHED]:
             unknown[:] = 0.0
-    _apply(table, rows, compliances, impedances, unknown, acted, multipliers, push, move, change)
+    _apply(table, rows, compliances, impedances, give, unknown, acted, multipliers, push, move, change)
     for i in range(n_rows):
         left[i] += change[i]
     goes_on = False
@@ -152,25 +155,37 @@ def close_gaps(table, rows, compliances, impedances, inverse, gap, first, acted,
         _multiply(inverse, 0, left, n_rows, step)
         for i in range(n_rows):
             step[i] = -step[i]
-        _apply(table, rows, compliances, impedances, step, nothing, multipliers, push, move, change)
+        _apply(table, rows, compliances, impedances, give, step, nothing, multipliers, push, move, change)
         after = 0.0
         for i in range(n_rows):
             after += (left[i] + change[i]) ** 2
         if not np.sqrt(after) < _SHRINKS * size:  # the inverse is not near enough
             _gmres(
-                table, rows, compliances, impedances, inverse, left, tolerance, step, change, multipliers, push, move
+                table,
+                rows,
+                compliances,
+                impedances,
+                give,
+                inverse,
+                left,
+                tolerance,
+                step,
+                change,
+                multipliers,
+                push,
+                move,
             )
         goes_on = True
         for i in range(n_rows):
             unknown[i] += step[i]
             left[i] += change[i]
     if goes_on:
-        _apply(table, rows, compliances, impedances, unknown, acted, multipliers, push, move, change)
+        _apply(table, rows, compliances, impedances, give, unknown, acted, multipliers, push, move, change)
     return multipliers, push, move
 
 
 @njit(cache=True, error_model="numpy")
-def _gmres(table, rows, compliances, impedances, inverse, left, tolerance, step, change, multipliers, push, move):
+def _gmres(table, rows, compliances, impedances, give, inverse, left, tolerance, step, change, multipliers, push, move):
     """The change of the unknown that closes the gaps left, and what it changes them by, into step and change.
 
     Preconditioned from the right by `inverse` (Saad and Schultz 1986, SIAM J. Sci. Stat. Comput. 7, 856-869), whose own
@@ -186,7 +201,7 @@ def _gmres(table, rows, compliances, impedances, inverse, left, tolerance, step,
     for k in range(_MOST):
         if k > 0:
             _multiply(inverse, 0, basis[k], n_rows, images[k])
-            _apply(table, rows, compliances, impedances, images[k], nothing, multipliers, push, move, answers[k])
+            _apply(table, rows, compliances, impedances, give, images[k], nothing, multipliers, push, move, answers[k])
         v = basis[k + 1]
         v[:] = answers[k]
         for j in range(k + 1):

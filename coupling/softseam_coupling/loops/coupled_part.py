@@ -16,7 +16,7 @@ from softseam_coupling.interface import Interface
 
 Floats = NDArray[np.float64]
 
-__all__ = ["HARDLY", "CoupledPart", "gap_of", "parts_of"]
+__all__ = ["HARDLY", "CoupledPart", "gap_of", "give_of", "normal_of", "parts_of"]
 
 _NONE = np.zeros((0, 0))
 HARDLY = 1e-6
@@ -112,6 +112,18 @@ def parts_of(interfaces: tuple[Interface, ...], n_nodes: dict[str, int]) -> tupl
         first = own.stop
     offset = np.concatenate([interface.offset for interface in interfaces])
     return {name: CoupledPart(b, _sign(b)) for name, b in rows.items()}, offset
+
+
+def give_of(interfaces: tuple[Interface, ...]) -> Floats:
+    """What all rows give, in the order of the interfaces (c,) [m/N]."""
+    return np.concatenate([one.give if len(one.give) else np.zeros(one.n_rows) for one in interfaces])
+
+
+def normal_of(interfaces: tuple[Interface, ...]) -> Floats:
+    """Along which all rows press (c, 3) [1], zero of those that hold; empty where all hold."""
+    if not any(len(one.normal) for one in interfaces):
+        return np.zeros((0, 3))
+    return np.concatenate([one.normal if len(one.normal) else np.zeros((one.n_rows, 3)) for one in interfaces])
 
 
 def _sign(rows: Floats) -> float:

@@ -26,8 +26,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.interface import Interface
 from softseam_coupling.loops.closure import Closure
-from softseam_coupling.loops.coupled_part import parts_of
+from softseam_coupling.loops.coupled_part import give_of, normal_of, parts_of
 from softseam_coupling.loops.loop import (
     NOT_CONVERGED,
     Ask,
@@ -104,7 +105,7 @@ class OneWay:
     def __init__(self, setup: LoopSetup) -> None:
         self._setup = setup
         self._parts, offset = parts_of(setup.interfaces, {name: len(m) for name, m in setup.mobility.items()})
-        self._closure = Closure(self._parts, offset)
+        self._closure = Closure(self._parts, offset, give_of(setup.interfaces), normal_of(setup.interfaces))
         self._capabilities: Mapping[str, Capabilities] = {}
         self._linearity = {name: _Linearity() for name in self._parts}
         first = np.zeros((len(offset), 3)) if setup.first is None else setup.first
@@ -119,7 +120,7 @@ class OneWay:
         """The parts are configured. Raises ValueError where what was taken is of parts that can do other things."""
         self._capabilities = capabilities
         able = (name for name, part in self._parts.items() if part.sign and capabilities[name].impedance)
-        self._impedance_part = next(able, None)
+        self._impedance_part = None if self._closure.presses else next(able, None)
         n_nodes = 0 if self._impedance_part is None else len(self._setup.mobility[self._impedance_part])
         if not self._dt:
             self._target = Prediction(n_nodes)
@@ -131,6 +132,13 @@ class OneWay:
     def multipliers(self) -> Floats:
         """The last committed ones (c, 3) [N]."""
         return self._multipliers.last
+
+    def renew(self, interfaces: tuple[Interface, ...]) -> None:
+        """These rows hold in the step to come: as many as before, of the same parts and nodes."""
+        parts, offset = parts_of(interfaces, {name: part.rows.shape[1] for name, part in self._parts.items()})
+        for name, part in parts.items():
+            self._parts[name].rows, self._parts[name].sign = part.rows, part.sign
+        self._closure.renew(offset, give_of(interfaces), normal_of(interfaces))
 
     def solve(self, ask: Ask, correct: Correct, dt: float, may_refuse: bool = False) -> Outcome:
         """A step that fails leaves everything as it was. What a part reported in it may not have arrived: it
@@ -173,7 +181,7 @@ class OneWay:
             self._measure(replies, x, before, moves, requests, asked)
             self._receive(replies, requests)
             gap = self._closure.gap(x)
-            size = largest(gap)
+            size = largest(self._closure.left(gap, multipliers))
             if not math.isfinite(size):
                 raise StepDiverged("a part's answer is not finite")
             if may_refuse and any(reply.status != Status.CONVERGED for reply in replies.values()):
@@ -205,7 +213,9 @@ class OneWay:
     def _predict(self) -> tuple[Floats, Floats | None]:
         """Multipliers of the coming step (c, 3) [N], and where the parts beyond the impedance's are expected."""
         dt = self._dt
-        return self._multipliers.predict(dt), self._target.predict(dt) if self._target.known else None
+        return self._closure.allowed(self._multipliers.predict(dt)), self._target.predict(
+            dt
+        ) if self._target.known else None
 
     def _first(self) -> dict[str, PartRequest]:
         """See `First`."""
@@ -379,7 +389,7 @@ class OneWay:
 
     def _outcome(self, replies: dict[str, Advanced], multipliers: Floats, exchanges: int, note: str = "") -> Outcome:
         gap = self._closure.gap({name: reply.seam_x for name, reply in replies.items()})
-        return Outcome(replies, multipliers, largest(gap), exchanges, note)
+        return Outcome(replies, multipliers, largest(self._closure.left(gap, multipliers)), exchanges, note)
 
 
 def _acted(reply: Advanced, request: PartRequest) -> Floats:

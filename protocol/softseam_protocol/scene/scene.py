@@ -12,6 +12,7 @@ from softseam_protocol.messages.names import ONLY_BODY, prefix
 from softseam_protocol.quantities import QUANTITIES, QuantityName, probed
 from softseam_protocol.scene.bodies import AnyBody, BodyName, BodySpec
 from softseam_protocol.scene.consistency import check_body, check_tools
+from softseam_protocol.scene.interfaces import AnyInterface, InterfaceName, check_interface
 from softseam_protocol.scene.models import ModelsSpec
 from softseam_protocol.scene.motion import LARGEST_TURN, ClosePhase, HoldPhase, MovePhase, OpenPhase, Phase, TurnPhase
 from softseam_protocol.scene.regions import RegionsSpec, SeamSpec
@@ -56,7 +57,12 @@ class Scene(Spec):
         alias="bodies",
         exclude_if=lambda bodies: not bodies,
         description="bodies by name, in the place of `body`, each with `regions` of its own where those of the scene "
-        "are not for it; they do not touch one another",
+        "are not for it; they meet at `interfaces` alone",
+    )
+    interfaces: dict[InterfaceName, AnyInterface] = Field(
+        default={},
+        exclude_if=lambda interfaces: not interfaces,
+        description="where bodies meet, and what holds there, by name",
     )
     tools: dict[ToolName, ToolSpec] = Field(default={}, description="rigid tools by name")
     motion: tuple[Phase, ...] = Field(default=(), description="phases, one after another")
@@ -113,6 +119,7 @@ class Scene(Spec):
             update={
                 "one": body,
                 "many": {},
+                "interfaces": {},
                 "regions": regions,
                 "quantities": tuple(name for name in self.quantities if QUANTITIES[name].of in kinds),
                 "probes": self.probes if cells else {},
@@ -169,6 +176,8 @@ class Scene(Spec):
                 at = ("bodies", name, "regions") if own else ("regions",)
                 check_tools(self, near.tools or (), *at, "near", "tools")
             check_body(self.of(name), "" if self.one is not None else name, self._kinds())
+        for name, interface in self.interfaces.items():
+            check_interface(name, interface, self.bodies, self.regions)
         if self.duration is None and not self.motion:
             raise wrong("give a duration, or a motion whose end is the end of the run")
         if self.duration is not None and self.duration / self.step > MOST_STEPS:

@@ -32,6 +32,9 @@ from softseam_services.body.turning import sums_of, with_change
 
 Floats = NDArray[np.float64]
 
+Joint = tuple[Floats, Floats, Floats]
+"""nodes on which other bodies act, as a step begins and as it ends, and the forces there (n, 3) [m], [m], [N]"""
+
 _NOTHING = np.zeros(0)
 _N_CHANGE = 6
 
@@ -68,9 +71,18 @@ class BodyTurn:
         return not (self._turns or self._is_turning(dt))
 
     def end(
-        self, replies: Mapping[str, Advanced], models: Mapping[str, str], motion: ToolMotion, dt: float, gravity: Floats
+        self,
+        replies: Mapping[str, Advanced],
+        models: Mapping[str, str],
+        motion: ToolMotion,
+        dt: float,
+        gravity: Floats,
+        joints: Mapping[str, Joint] | None = None,
     ) -> dict[str, Advanced]:
-        """A step was taken: the replies, with momenta and energies as the next step makes them."""
+        """A step was taken: the replies, with momenta and energies as the next step makes them.
+
+        joints  what other bodies did to each part
+        """
         turns, start = self._turns, self._sums
         told = dict(replies)
         self._turns, self._change = self._is_turning(dt), np.zeros(_N_CHANGE)
@@ -91,6 +103,11 @@ class BodyTurn:
                 arm = 0.5 * (motion.position + motion.position_next) - 0.5 * (before + centre)
             push = push - reply.wrench[:, :3].sum(axis=0)
             torque -= (reply.wrench[:, 3:] + np.cross(arm, reply.wrench[:, :3])).sum(axis=0)
+            if joints is not None:
+                began, ended, force = joints[name]
+                at = ended - centre if late else 0.5 * (began + ended) - 0.5 * (before + centre)
+                push = push + force.sum(axis=0)
+                torque += np.cross(at, force).sum(axis=0)
         momentum = start[MOTION:ANGULAR] + dt * push
         spin, _ = spin_and_inverse(start)
         found, inverse = spin_and_inverse(end)

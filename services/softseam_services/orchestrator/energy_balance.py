@@ -92,13 +92,18 @@ class EnergyBalance:
             force = largest(solution.multipliers)
             told = InterfaceReport(solution.gap, solution.exchanges, len(solution.multipliers), force, seam_work)
             interfaces[sides.interface] = told
+        interface_work = 0.0
+        if len(sides.joints):  # what other bodies do to this one
+            interface_work, seam_work = seam_work, 0.0
         energies = Energies(kinetic, strain, gravity)
         contact_loss = 0.0 if _in_parts(sides, replies, solution) else drive_work - tool_work
         dissipation = switch = 0.0
         if self.ledger is None:
             self.ledger = self._book.open(energies, contact_loss)
         else:
-            entry = self._book.step(self.ledger, energies, tool_work, seam_work, 0.0, passing, contact_loss, given)
+            entry = self._book.step(
+                self.ledger, energies, tool_work + interface_work, seam_work, 0.0, passing, contact_loss, given
+            )
             dissipation, switch = entry.dissipation, entry.switch
             self.raised = tuple(alarm for alarm in entry.alarms if alarm not in self._told)
             self._told.update(self.raised)
@@ -108,6 +113,7 @@ class EnergyBalance:
             "gravity": gravity,
             "tool_work": tool_work,
             "seam_work": seam_work,
+            **({"interface_work": interface_work} if len(sides.joints) else {}),
             "dissipation": dissipation,
             "switch": switch,
         }

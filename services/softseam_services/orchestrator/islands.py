@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.participant import Reply, Request, ToolMotion
+from softseam_services.orchestrator.joined_bodies import JoinedBodies
 from softseam_services.orchestrator.participants import Participants
 from softseam_services.orchestrator.transport import Transport
 
 
 def advance_all(
     islands: Mapping[str, Participants],
+    joined: Sequence[JoinedBodies],
     transport: Transport,
     motion: ToolMotion,
     fields: bool,
     then: ToolMotion | None = None,
 ) -> dict[str, Outcome]:
-    """Advance all by a step; where one fails, none has taken it. then: of a lone island, see `Participants.advance`.
+    """Advance all bodies by a step; where one fails, none has taken it. What each did, by body.
+
+    islands  of one body, by its name
+    joined   of several
+    then     of a lone island, see `Participants.advance`
 
     Those of one part, or of parts that nothing ties, are asked in one exchange; then the others, one after the other.
     Raises StepFailed, ParticipantLost and ParticipantFailed.
     """
     solutions: dict[str, Outcome] = {}
+    taken: list[Participants | JoinedBodies] = []
     free = {name: island for name, island in islands.items() if not island.tied}
+    alone = len(islands) + len(joined) == 1
     try:
         requests: dict[str, Request] = {}
         for island in free.values():
@@ -31,11 +39,16 @@ def advance_all(
         replies: dict[str, Reply] = transport.exchange(requests) if requests else {}
         for name, island in free.items():
             solutions[name] = island.taken(replies)
+            taken.append(island)
         for name, island in islands.items():
             if island.tied:
-                solutions[name] = island.advance(motion, fields, len(islands) == 1, then)
+                solutions[name] = island.advance(motion, fields, alone, then)
+                taken.append(island)
+        for bodies in joined:
+            solutions |= bodies.advance(motion, fields, alone)
+            taken.append(bodies)
     except BaseException:
-        for name in solutions:
-            islands[name].withdraw()
+        for each in taken:
+            each.withdraw()
         raise
-    return {name: solutions[name] for name in islands}
+    return solutions

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies
-from softseam_coupling.loops.loop import Correction, First, Outcome, PartRequest, StepDiverged, StepRefused
+from softseam_coupling.loops.loop import Correction, First, Outcome, PartRequest, StepDiverged
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import Detail, FailureKind, Status
 from softseam_protocol.messages.participant import (
@@ -45,13 +45,14 @@ from softseam_services.orchestrator.coupling import Coupling
 from softseam_services.orchestrator.sides import Sides
 from softseam_services.orchestrator.step_ahead import StepAhead, advance_request
 from softseam_services.orchestrator.step_warnings import Tell
-from softseam_services.orchestrator.subdivided_step import SubdividedStep
+from softseam_services.orchestrator.subdivided_step import take_step
 from softseam_services.orchestrator.transport import ParticipantFailed, Transport
 
 Floats = NDArray[np.float64]
 Tied = tuple[Sides, Coupling | None]
 """sides, and what ties them where they share nodes"""
 
+_NOTHING = np.zeros(0)
 _FREE = np.zeros((0, 3))
 """no forces: of a part that nothing ties"""
 _OLDER = Failure(
@@ -126,9 +127,9 @@ class Participants:
                     self._bundle,
                     sides.models[name],
                     sides.cells[name],
-                    sides.seam,
+                    sides.coupling_nodes,
                     state,
-                    name == sides.near,
+                    sides.owns_points(name),
                     sides.body,
                     meshes[name],
                 )
@@ -139,9 +140,9 @@ class Participants:
         for name, reply in begun.items():
             if math.isnan(reply.kinetic + reply.strain + reply.gravity):
                 raise ParticipantFailed(name, _OLDER)
+        known = {name: reply.capabilities for name, reply in begun.items()}
+        self._able = {name: able for name, able in known.items() if able is not None}
         if self._coupling is not None:
-            told = {name: reply.capabilities for name, reply in begun.items()}
-            self._able = {name: able for name, able in told.items() if able is not None}
             self._coupling.loop.begin(self._able)
         return Energies(
             sum(reply.kinetic for reply in begun.values()),
@@ -176,22 +177,64 @@ class Participants:
 
     def requests(self, motion: ToolMotion, fields: bool) -> dict[str, Request]:
         """What parts that nothing ties are asked for in a step; their replies go to `taken`."""
-        self._discard_failed()
-        self._n_asked, self._under_way = self._n_asked + 1, True
-        return {
-            name: advance_request(self._header(name, self._n_asked), self._clock.dt, motion, PartRequest(_FREE), fields)
-            for name in self.sides.names
-        }
+        self.make_ready()
+        free = {name: PartRequest(_FREE) for name in self.sides.names}
+        return self.asked(free, self._clock.dt, motion, fields)
 
     def taken(self, replies: Mapping[str, Reply]) -> Outcome:
         """Parts that nothing ties have answered `requests`. Raises StepFailed."""
-        own = self._advanced({name: replies[name] for name in self.sides.names})
-        solution = Outcome(own, _FREE, 0.0, 1, "")
-        self._before, self._asked = {}, self._n_asked
-        self._tick += 1
-        self._n_asked, self._under_way = -1, False
+        solution = Outcome(self.read(replies), _FREE, 0.0, 1, "")
+        self._before = {}
+        self.end_step()
         self._tell_cuts(solution)
         return solution
+
+    # ---- one exchange of a step
+
+    @property
+    def able(self) -> Mapping[str, Capabilities]:
+        """What its parts can do, of those that have coupling nodes."""
+        return self._able
+
+    def make_ready(self) -> None:
+        """Be about to ask for a step from where the last one ended."""
+        self._discard_failed()
+
+    def asked(
+        self, wanted: Mapping[str, PartRequest], dt: float, motion: ToolMotion, fields: bool, turn: Floats = _NOTHING
+    ) -> dict[str, Request]:
+        """What the next exchange of a step of dt [s] asks its parts for."""
+        self._n_asked, self._under_way = self._n_asked + 1, True
+        return {
+            name: advance_request(self._header(name, self._n_asked), dt, motion, wanted[name], fields, turn)
+            for name in self.sides.names
+        }
+
+    def corrected(self, corrections: Mapping[str, Correction], fields: bool) -> dict[str, Request]:
+        """What moves its parts on, as a step ends."""
+        self._n_asked += 1
+        return {
+            name: Correct(self._header(name, self._n_asked), one.push, one.force, fields, None)
+            for name, one in corrections.items()
+            if name in self.sides.cells
+        }
+
+    def read(self, replies: Mapping[str, Reply]) -> dict[str, Advanced]:
+        """The answers of its parts. Raises StepFailed."""
+        return self._advanced({name: replies[name] for name in self.sides.names})
+
+    def end_step(self) -> None:
+        """The last exchange was the step's."""
+        self._asked = self._n_asked
+        self._tick += 1
+        self._n_asked, self._under_way = -1, False
+
+    def joined_step(self, solution: Outcome, before: Kept | None) -> None:
+        """A step that it took with other bodies is over; before: where it can only be withdrawn to a snapshot."""
+        self._before = {} if before is None else before
+        self._tell_cuts(solution)
+
+    # ---- one step of tied parts
 
     def advance(self, motion: ToolMotion, fields: bool, alone: bool, then: ToolMotion | None = None) -> Outcome:
         """Advance tied parts by a step until they agree; where they will not, in parts of the step.
@@ -274,9 +317,7 @@ class Participants:
         solution = self._coupling.loop.solve(ask, correct, dt, may_cut)
         gravity = np.array(self._scene.gravity)
         solution = replace(solution, replies=turn.end(solution.replies, self.sides.models, motion, dt, gravity))
-        self._asked = self._n_asked
-        self._tick += 1
-        self._n_asked, self._under_way = -1, False
+        self.end_step()
         return solution
 
     def _cut(self, motion: ToolMotion, fields: bool, then: ToolMotion | None) -> Outcome:
@@ -285,28 +326,21 @@ class Participants:
         Each part is committed by the next, so that where one fails the step can only be taken back to a snapshot.
         """
         assert self._coupling is not None
-        pace, step = self._coupling.pace, SubdividedStep(motion, self._clock.dt)
+        pace = self._coupling.pace
         before = pace.parts
-        if before > 1:
-            self._kept = self.keep()
-        pace.begin()
-        while not step.done:
-            parts = pace.parts
-            part, dt, may_cut = step.next(parts)
-            try:
-                step.taken(parts, self._advance(part, dt, fields, may_cut, then if parts == 1 else None))
-            except StepRefused as fault:
-                step.given_up(fault.exchanges)
-                pace.cut()
-                if self._kept is None:
-                    self._kept = self.keep()
-        pace.end()
+
+        def advance(part: ToolMotion, dt: float, may_cut: bool) -> Outcome:
+            return self._advance(part, dt, fields, may_cut, then if pace.parts == 1 else None)
+
+        def keep() -> None:
+            self._kept = self.keep() if self._kept is None else self._kept
+
+        solution = take_step(pace, motion, self._clock.dt, advance, keep)
         if self._kept is not None and self._before is not None:
             self._before = self._kept
         self._kept = None
-        solution = step.solution()
-        if step.n_parts > 1 and (solution.note or pace.parts != before):
-            taken = f"taken in {step.n_parts} parts, {solution.exchanges} exchanges, gap {1e6 * solution.gap:.3g} um"
+        if solution.parts > 1 and (solution.note or pace.parts != before):
+            taken = f"taken in {solution.parts} parts, {solution.exchanges} exchanges, gap {1e6 * solution.gap:.3g} um"
             text = f"step {self._clock.step}: {taken}{': ' if solution.note else ''}{solution.note}"
             self._tell("seam", text, Detail.PARTS, *([Detail.GAP_KEPT] if solution.note else []))
             solution = replace(solution, note="")

@@ -42,6 +42,7 @@ class Regions:
     clock     of the simulation
     balance  tell what share of the energy a switch changes
     tell      receives kind and text of every event
+    joints    nodes on which interfaces to other bodies act (j,)
     """
 
     def __init__(
@@ -53,7 +54,9 @@ class Regions:
         clock: Clock,
         balance: EnergyBalance,
         tell: Tell,
+        joints: NDArray[np.int32] | None = None,
     ) -> None:
+        self._joints = np.zeros(0, dtype=np.int32) if joints is None else joints
         self._name, self._scene, self._body, self._why = name, setup.scene, setup.body, setup.why
         self._clock, self._balance, self._tell = clock, balance, tell
         body = self._body
@@ -212,6 +215,8 @@ class Regions:
         state, cauchy (C, 8, 6)  as the body stands: of both the first multiplier is made
         """
         sides = cut(self._name, self._body, self.near.mask, self.near.model, self._scene.regions.far)
+        if len(self._joints):
+            sides = replace(sides, joints=self._joints)
         return sides, self._couple(sides, state, cauchy)
 
     def _couple(self, sides: Sides, state: BodyState | None = None, cauchy: Floats | None = None) -> Coupling | None:

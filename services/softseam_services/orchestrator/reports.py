@@ -24,6 +24,7 @@ def step_report(
     wrench: Floats,
     quantities: dict[str, float],
     entries: Mapping[str, Entry],
+    interfaces: Mapping[str, InterfaceReport],
     command: Floats,
     seconds: dict[str, float],
     done: bool,
@@ -31,18 +32,20 @@ def step_report(
 ) -> StepReport:
     """Of what each body's accounts entered.
 
-    wrench   of all bodies on the tools (t, 6) [N, N m]
-    command  velocities of the tools (t, 6) [m/s, rad/s]
+    wrench      of all bodies on the tools (t, 6) [N, N m]
+    interfaces  between bodies, by name
+    command     velocities of the tools (t, 6) [m/s, rad/s]
     """
     parts: dict[str, PartReport] = {}
-    interfaces: dict[str, InterfaceReport] = {}
+    found = dict(interfaces)
     first, *others = entries.values()
     energy, momentum, angular = dict(first.energy), first.momentum, first.angular_momentum
     for entry in entries.values():
         parts |= entry.parts
-        interfaces |= entry.interfaces
+        found |= entry.interfaces
     for entry in others:
-        energy = {name: value + entry.energy[name] for name, value in energy.items()}
+        names = dict.fromkeys((*energy, *entry.energy))
+        energy = {name: energy.get(name, 0.0) + entry.energy.get(name, 0.0) for name in names}
         momentum = momentum + entry.momentum
         angular = angular + entry.angular_momentum
     drive_work = sum(entry.drive_work for entry in entries.values())
@@ -54,7 +57,7 @@ def step_report(
         motion.orientation_next.copy(),
         wrench,
         quantities,
-        interfaces,
+        found,
         parts,
         energy,
         momentum,

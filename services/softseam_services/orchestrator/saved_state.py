@@ -18,7 +18,7 @@ Ints = NDArray[np.int32]
 
 _CELLS, _SEAM, _PART = "regions.", "seam.", "part."
 """how the names of such entries of a body begin"""
-_BODY = "bodies/"
+_BODY, _JOINED = "bodies/", "joined/"
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +104,8 @@ class SavedState:
     tools: SavedTools
     bodies: dict[str, SavedBody]
     """by name"""
+    joined: dict[str, dict[str, Floats]]
+    """see `JoinedBodies.save`, by island"""
 
     def pack(self) -> bytes:
         """As bytes, which `unpack` reads."""
@@ -122,6 +124,8 @@ class SavedState:
         }
         for body, saved in self.bodies.items():
             entries.update({f"{_BODY}{body}/{name}": entry for name, entry in saved.entries().items()})
+        for island, arrays in self.joined.items():
+            entries.update({f"{_JOINED}{island}/{name}": array for name, array in arrays.items()})
         return pack(entries)
 
     @classmethod
@@ -136,7 +140,8 @@ class SavedState:
             )
         try:
             step, phase, elapsed, lifting, seed, *search = entries["numbers"].astype(np.float64).tolist()
-            of_bodies = _named(entries, _BODY)
+            of_bodies, of_islands = _named(entries, _BODY), _named(entries, _JOINED)
+            islands = dict.fromkeys(name.partition("/")[0] for name in of_islands)
             names = dict.fromkeys(name.partition("/")[0] for name in of_bodies)
             return cls(
                 scene=entries["scene"].tobytes().decode(),
@@ -152,6 +157,10 @@ class SavedState:
                     grips=entries["grips"].astype(np.float64),
                 ),
                 bodies={name: SavedBody.read(_named(of_bodies, f"{name}/")) for name in names},
+                joined={
+                    island: {name: array.astype(np.float64) for name, array in _named(of_islands, f"{island}/").items()}
+                    for island in islands
+                },
             )
         except (KeyError, ValueError, TypeError) as error:
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error

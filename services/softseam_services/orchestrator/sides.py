@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,17 @@ class Sides:
     n_nodes: dict[str, int]
     seam: Ints
     """global ids of the nodes that both own, clamped ones left out (s,)"""
+    joints: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    """global ids of the nodes of a whole body on which interfaces to others act, ascending (j,)"""
+
+    @property
+    def coupling_nodes(self) -> Ints:
+        """Global ids of the nodes on which interfaces act."""
+        return self.joints if len(self.joints) else self.seam
+
+    def owns_points(self, part: str) -> bool:
+        """Whether contact at the surface points on its coupling nodes is a part's."""
+        return part == self.near or len(self.joints) > 0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -93,7 +104,7 @@ def part_mesh(body: AnyBody, sides: Sides, name: str) -> PartMesh | None:
     """The mesh of one side; None of particles."""
     if isinstance(body, ParticleBody):
         return None
-    part = build_region(body, sides.cells[name], sides.seam, name == sides.near)
+    part = build_region(body, sides.cells[name], sides.coupling_nodes, sides.owns_points(name))
     return PartMesh(
         part.nodes,
         body.x_rest[part.nodes],

@@ -45,6 +45,7 @@ class SimulatedBody:
     points   probes that are in this body (see `Probes`)
     tell     receives the events of this body
     gripped  whether the tools that close do so on this body
+    joints   nodes on which interfaces to other bodies act (j,)
     """
 
     def __init__(
@@ -59,11 +60,12 @@ class SimulatedBody:
         clock: Clock,
         tell: Tell,
         gripped: bool = True,
+        joints: NDArray[np.int32] | None = None,
     ) -> None:
         self.name, self.scene, self.body = name, setup.scene, setup.body
         self._prefix, self._clock, self._tell = prefix, clock, tell
         self.balance = EnergyBalance(_standing(self.body))
-        self.regions = Regions(name, bundle, setup, transport, clock, self.balance, tell)
+        self.regions = Regions(name, bundle, setup, transport, clock, self.balance, tell, joints)
         """its parts, as the rule cuts them"""
         self.participants = self.regions.participants
         """that hold the parts"""

@@ -12,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.islands import islands_of
 from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.names import prefix
 from softseam_protocol.messages.outcomes import Detail, EventKind
@@ -25,6 +26,7 @@ from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.energy_balance import Entry
 from softseam_services.orchestrator.islands import advance_all
+from softseam_services.orchestrator.joined_bodies import Between, JoinedBodies, interfaces_of, joints_of
 from softseam_services.orchestrator.moving_tools import Move, Moved, MovingTools
 from softseam_services.orchestrator.placement import AT_REST, Placement
 from softseam_services.orchestrator.probes import share_probes
@@ -88,6 +90,7 @@ class Simulation:
         self._transport = TimedTransport(recovering, self._stopwatch)
         probes = share_probes({name: setup.body for name, setup in setups.items()}, self.scene.probes)
         program = self._moving.program
+        interfaces = interfaces_of(self.scene, {name: setup.body for name, setup in setups.items()})
         self.bodies = {
             name: SimulatedBody(
                 name=name,
@@ -100,14 +103,37 @@ class Simulation:
                 clock=self._clock,
                 tell=self._event if len(setups) == 1 else naming(name, self._event),
                 gripped=program.grips.first is None or program.grips.first.body is setup.body,
+                joints=joints_of(name, interfaces),
             )
             for name, setup in setups.items()
         }
         """by name, in the scene's order"""
+        self._joined = self._join(interfaces)
+        self._lone = {
+            name: body.participants
+            for name, body in self.bodies.items()
+            if not any(name in island.members for island in self._joined)
+        }
         self._wants_fields = any(body.wants_fields for body in self.bodies.values())
         self.events: list[Event] = []
         """events since the last reset, oldest first"""
         self.reset(seed)
+
+    def _join(self, interfaces: Mapping[str, Between]) -> list[JoinedBodies]:
+        """The islands of several bodies."""
+        islands = islands_of(self.bodies, (between.bodies for between in interfaces.values()))
+        return [
+            JoinedBodies(
+                self.scene,
+                {name: self.bodies[name] for name in island},
+                {name: each for name, each in interfaces.items() if each.bodies[0] in island},
+                self._transport,
+                self._clock,
+                self._event,
+            )
+            for island in islands
+            if len(island) > 1
+        ]
 
     # ---- state of the run
 
@@ -168,6 +194,8 @@ class Simulation:
         self.events.clear()
         for body in self.bodies.values():
             body.reset()
+        for island in self._joined:
+            island.begin()
 
     def with_scene(self, bundle: Bundle, seed: int | None = None) -> Simulation:
         """A simulation of another scene in place of this one, with its participants, which keep what both scenes share.
@@ -218,9 +246,9 @@ class Simulation:
         move = self._moving.next(velocities)
         self._stopwatch.begin(began)
         look = fields or (self._wants_fields and (self._clock.step + 1) % _FIELDS_EVERY == 0)
-        islands = {name: body.participants for name, body in self.bodies.items()}
         then = self._ahead(move, look) if more else None
-        solutions = advance_all(islands, self._transport, move.motion, look, then)
+        taken = advance_all(self._lone, self._joined, self._transport, move.motion, look, then)
+        solutions = {name: taken[name] for name in self.bodies}  # sums in one order have one rounding
         wrenches = {name: wrench_of(solution.replies) for name, solution in solutions.items()}
         first, *others = wrenches.values()
         wrench = sum(others, first)
@@ -238,6 +266,7 @@ class Simulation:
             wrench=wrench,
             quantities=quantities,
             entries=entries,
+            interfaces={name: report for island in self._joined for name, report in island.reports.items()},
             command=move.command,
             seconds=self._stopwatch.read(),
             done=done,
@@ -300,6 +329,8 @@ class Simulation:
         if self._clock.step % _CHECKPOINT_STEPS == 0:
             for body in self.bodies.values():
                 self._told(body.participants.snapshot)
+            for island in self._joined:
+                island.forget_sent()
         return entries, switched
 
     def _judge(self, solutions: Solutions, follows: bool, phase_ends: bool) -> dict[str, ErrorEstimate]:
@@ -400,6 +431,7 @@ class Simulation:
             seed=self._seed,
             tools=self._moving.save(),
             bodies={name: body.save() for name, body in self.bodies.items()},
+            joined={island.name: island.save() for island in self._joined},
         ).pack()
 
     def load(self, state: bytes) -> None:
@@ -410,6 +442,8 @@ class Simulation:
         try:
             for name, body in self.bodies.items():
                 body.check(saved.bodies[name])
+            for island in self._joined:
+                island.check(saved.joined[island.name])
             self._moving.load(saved.tools)
         except (KeyError, ValueError, IndexError) as error:
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
@@ -418,6 +452,8 @@ class Simulation:
         self._forget()
         for name, body in self.bodies.items():
             body.load(saved.bodies[name])
+        for island in self._joined:
+            island.load(saved.joined[island.name])
 
     # ---- small parts
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from softseam_coupling.loops.loop import Outcome
+from softseam_coupling.loops.loop import Outcome, StepRefused
 from softseam_protocol.messages.participant import Advanced, ToolMotion
-from softseam_services.orchestrator.subdivision import FINEST
+from softseam_services.orchestrator.subdivision import FINEST, Subdivision
 
 _POSES = ("position", "orientation", "position_next", "orientation_next")
 
@@ -96,3 +96,33 @@ class SubdividedStep:
         replies: Sequence[Mapping[str, Advanced]] = [solution.replies for solution in self._solutions]
         exchanges = self._in_vain + sum(solution.exchanges for solution in self._solutions)
         return Outcome(sum_replies(replies), last.multipliers, last.gap, exchanges, last.note, self.n_parts)
+
+
+def take_step(
+    pace: Subdivision,
+    motion: ToolMotion,
+    dt: float,
+    advance: Callable[[ToolMotion, float, bool], Outcome],
+    keep: Callable[[], None],
+) -> Outcome:
+    """Take a step of dt [s] whole, or in parts where it will not settle.
+
+    Each part is committed by the next, so that where one fails the step can only be taken back to what was kept.
+
+    advance  takes a part of this motion and length [s]; the last says whether it may raise StepRefused
+    keep     keeps what the step began with; called before any part is committed, perhaps more than once
+    """
+    step = SubdividedStep(motion, dt)
+    if pace.parts > 1:
+        keep()
+    pace.begin()
+    while not step.done:
+        parts = pace.parts
+        try:
+            step.taken(parts, advance(*step.next(parts)))
+        except StepRefused as fault:
+            step.given_up(fault.exchanges)
+            pace.cut()
+            keep()
+    pace.end()
+    return step.solution()

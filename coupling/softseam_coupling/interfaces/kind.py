@@ -1,0 +1,69 @@
+"""What a kind of interface between two bodies brings: rows, made anew as each step begins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Mask = NDArray[np.bool_]
+Pair = tuple[Floats, Floats]
+"""of the nodes of the first body and of the second (n_a, 3), (n_b, 3)"""
+
+__all__ = ["Kind", "Meeting", "Rows"]
+
+_NONE, _NO_ROWS = np.zeros(0), np.zeros((0, 3))
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """A body as an interface meets it: N nodes."""
+
+    x_rest: Floats
+    """(N, 3) [m]"""
+    fixed: Mask
+    """clamped ones, which no interface moves (N,)"""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The conditions of a step: c rows on n_a and n_b nodes,
+
+        g = w_a x_a - w_b x_b - offset + give lambda = 0,                                                         (1)
+
+    whose multipliers lambda are forces on the first body [N]. A row that gives nothing is a constraint; one that gives
+    1/k a spring of stiffness k; one with a normal n presses the bodies apart, along n alone, where n . g would be
+    negative otherwise."""
+
+    weights: Pair
+    """w_a (c, n_a) and w_b (c, n_b) [1]"""
+    offset: Floats
+    """(c, 3) [m]"""
+    give: Floats = field(default_factory=lambda: _NONE)
+    """(c,) [m/N]; empty: nothing"""
+    normal: Floats = field(default_factory=lambda: _NO_ROWS)
+    """unit vectors from the second body to the first (c, 3) [1], zero of rows that hold; empty: all hold"""
+
+
+class Kind(Protocol):
+    """One interface, for one run. Its rows are as many in every step. Built from its specification and both bodies."""
+
+    nodes: tuple[Ints, Ints]
+    """the nodes of each body that it acts on, ascending, none of them clamped (n_a,), (n_b,)"""
+
+    def rows(self, x: Pair, dt: float) -> Rows:
+        """The rows of a step of dt [s] that begins with the nodes at x [m]; asked again where it is taken again."""
+
+    def commit(self, x: Pair, multipliers: Floats, dt: float) -> None:
+        """The step came to x [m] under these multipliers (c, 3) [N]."""
+
+    def save(self) -> dict[str, Floats]:
+        """Everything that evolves, for a snapshot."""
+
+    def load(self, arrays: Mapping[str, Floats]) -> None:
+        """Continue from `save`. Raises KeyError or ValueError where these are of others."""

@@ -1,0 +1,45 @@
+"""Interfaces between bodies: what a scene says of where two bodies meet, and of what holds there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import Field
+
+from softseam_protocol.scene.bodies import AnyBody, BodyName, BodySpec
+from softseam_protocol.scene.regions import RegionsSpec
+from softseam_protocol.scene.spec import OfKind, Spec, wrong
+from softseam_protocol.scene.tools import ToolName
+from softseam_protocol.table import Table
+
+InterfaceName = ToolName
+
+
+class InterfaceSpec(Spec):
+    """What every kind has: two bodies. Each kind is a subclass with the parameters of its own, a row of INTERFACES."""
+
+    kind: str
+    between: tuple[BodyName, BodyName] = Field(description="the bodies that meet; a force on the first is positive")
+
+
+INTERFACES: Table[type[InterfaceSpec]] = Table("kinds of interface")
+"""the specification of each kind; `softseam_coupling.interfaces.KINDS` has what makes its rows"""
+AnyInterface = Annotated[InterfaceSpec, OfKind(INTERFACES)]
+
+
+def check_interface(name: str, spec: InterfaceSpec, bodies: Mapping[str, AnyBody], regions: RegionsSpec) -> None:
+    """Raise pydantic's error where an interface cannot be between these bodies; regions: the scene's."""
+    for place, body in enumerate(spec.between):
+        at = ("interfaces", name, "between", place)
+        if body not in bodies:
+            raise wrong(f"no body is called {body!r}; the scene has: {', '.join(bodies)}", *at)
+        found = bodies[body]
+        if not isinstance(found, BodySpec):
+            raise wrong(f"{body!r} is made of particles, which have no faces: name a body in cells", *at)
+        own = found.regions or regions
+        if own.near is not None:
+            text = f"{body!r} is cut in two models, which interfaces do not join yet: leave out its regions.near"
+            raise wrong(text, *at)
+    if spec.between[0] == spec.between[1]:
+        raise wrong("a body meets another one here: name two", "interfaces", name, "between")

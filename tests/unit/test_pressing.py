@@ -1,0 +1,50 @@
+"""Rows that press: complementarity to rounding, whatever presses first, and when the active set cycles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from softseam_coupling.loops import pressing
+from softseam_coupling.loops.pressing import Pressing
+
+Floats = NDArray[np.float64]
+
+
+def system(rng: np.random.Generator, n_rows: int, n_hold: int) -> tuple[Floats, Floats, Floats]:
+    """Normals (c, 3), of which the last hold, a positive definite W (3c, 3c) and q (c, 3)."""
+    normal = rng.normal(size=(n_rows, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal[n_rows - n_hold :] = 0.0
+    half = rng.normal(size=(3 * n_rows, 3 * n_rows))
+    return normal, half @ half.T + 0.1 * np.eye(3 * n_rows), rng.normal(size=(n_rows, 3))
+
+
+@pytest.mark.parametrize("most", [50, 0])
+@pytest.mark.parametrize("seed", range(8))
+def test_rows_press_or_are_open_and_the_others_hold(seed: int, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By active sets, and by sweeps alone."""
+    monkeypatch.setattr(pressing, "_MOST", most)
+    normal, w, q = system(np.random.default_rng(seed), 9, 3)
+    found = Pressing(normal).solve(w, q)
+    left = q + (w @ found.reshape(-1)).reshape(-1, 3)
+    size, presses = np.abs(q).max(), normal.any(axis=1)
+    assert np.abs(left[~presses]).max() < 1e-8 * size
+    p, s = (np.einsum("ck,ck->c", normal, each)[presses] for each in (found, left))
+    assert p.min() >= 0.0 and s.min() > -1e-8 * size and np.abs(p * s).max() < 1e-8 * size
+    assert np.abs(found[presses] - p[:, None] * normal[presses]).max() < 1e-12
+    assert 0 < (p > 0.0).sum() < presses.sum()
+
+
+def test_what_pulls_or_goes_across_is_not_allowed() -> None:
+    one = Pressing(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]))
+    forces = np.array([[1.0, 2.0, 3.0], [1.0, 0.0, -3.0], [1.0, 2.0, -3.0]])
+    np.testing.assert_array_equal(one.allowed(forces), [[0, 0, 3], [0, 0, 0], [1, 2, -3]])
+
+
+def test_what_is_left_of_an_open_row_is_what_overlaps() -> None:
+    one = Pressing(np.tile([0.0, 0.0, 1.0], (3, 1)))
+    gaps = np.array([[5.0, 0.0, 0.1], [0.0, 0.0, 0.2], [0.0, 0.0, -0.3]])
+    forces = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(one.left(gaps, forces), [[0, 0, 0.1], [0, 0, 0], [0, 0, -0.3]])
