@@ -19,8 +19,6 @@ from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import Positive
 
 
-
-
 @pytest.fixture(autouse=True)
 def rows() -> Iterator[None]:
     said = import_module("softseam_protocol.scene.interfaces")

@@ -1,0 +1,68 @@
+"""Joined bodies over the bus: the same bits as in one process, whichever participant is killed meanwhile."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import joining
+import pytest
+from joining import tower
+from real_services import LIMITS, READY, Lines, Services, free_port
+from trajectory import first_difference, same_frame
+
+from softseam.connected import ConnectedBackend
+from softseam_protocol.scene.file import bundle_scene
+from softseam_services.bus_options import BusOptions
+from softseam_services.launch import UpOptions, supervisor
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.simulation import Simulation
+
+pytestmark = pytest.mark.slow
+
+STEPS = 120
+
+
+@pytest.fixture(scope="module")
+def extended(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
+    """Services that know the kinds of interface of `joining`, as this process does."""
+    options, lines, set_to = BusOptions(connect=f"tcp/127.0.0.1:{free_port()}"), Lines(), pytest.MonkeyPatch()
+    recordings, tests = tmp_path_factory.mktemp("recordings"), str(Path(joining.__file__).parent)
+    paths = [tests, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
+    set_to.setenv("PYTHONPATH", os.pathsep.join(paths))
+    set_to.setenv("SOFTSEAM_EXTENSIONS", "joining_rows")
+    try:
+        with joining.added(), supervisor(UpOptions(options, recordings, limits=LIMITS), lines) as children:
+            running = Services(options, children, lines, recordings)
+            running.wait_well()
+            yield running
+    finally:
+        set_to.undo()
+
+
+@pytest.mark.parametrize("victim", ["", "fem", "pbd"])
+def test_a_tower_stands_the_same_over_the_bus(extended: Services, victim: str) -> None:
+    """Three cubes, of FEM and of XPBD, that fall on one another: reports and last frames, bit for bit."""
+    bundle = bundle_scene(tower(("fem", "pbd", "fem"), 0.003), {})
+    simulation = Simulation(bundle, EmbeddedTransport())
+    wanted = [simulation.step(fields=n == STEPS - 1) for n in range(STEPS)]
+    frames = simulation.frames()
+    simulation.close()
+    extended.wait_well()
+    backend, reports = ConnectedBackend(bundle, extended.endpoint, record=False, timeout=READY), []
+    try:
+        backend.reset(0)
+        for step in range(STEPS):
+            if victim and step == 30:
+                os.kill(extended.children.pid(victim), signal.SIGKILL)
+            observation = backend.step(1, None, step == STEPS - 1)
+            reports.append(observation.report)
+            restored = [event.kind for event in observation.events]
+            if victim and step == 30:
+                assert "participant_restored" in restored
+    finally:
+        backend.close()
+    assert first_difference(wanted, reports) == ""
+    assert all(same_frame(frame, observation.frames[name]) for name, frame in frames.items())
