@@ -14,9 +14,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from softseam.norm import rms
 from softseam.scenes import load_scene
 from softseam.study.configurations import Fem
-from softseam.study.errors import rms, scale_of
+from softseam.study.errors import scale_of
 from softseam.study.frame import Frame, frame_of
 from softseam.study.measure import Outcome, measure, quantity_names
 from softseam.variants import AS_GIVEN, with_settings

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from softseam.norm import rms
 from softseam.study.bundled import File, digest_of_document
-from softseam.study.errors import Truth, rms
+from softseam.study.errors import Truth
 from softseam.study.levels import Levels
 from softseam.study.reference import Reference
 

@@ -9,14 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from softseam.norm import is_nothing, rms
 from softseam.study.errors import (
     Truth,
     errors,
     is_faint,
-    is_nothing,
     largest_stress,
     not_counted,
-    rms,
     scale_of,
     sure,
     worst,

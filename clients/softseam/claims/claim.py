@@ -46,7 +46,7 @@ from numpy.typing import NDArray
 
 from softseam.claims.readings import READINGS, measured
 from softseam.columns import shown_unit
-from softseam.study.errors import is_nothing, rms
+from softseam.norm import is_nothing, rms
 from softseam_protocol.quantities import OF_TOOLS, quantity
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.study.configurations import fem_step, xpbd_step
+from softseam.step_cost import fem_step, xpbd_step
 from softseam.variants import AS_GIVEN, changed, refusal
 from softseam_protocol.messages.session import Frame
 from softseam_protocol.nearest_axes import nearest_axes

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Literal
 
+from softseam.step_cost import fem_step, xpbd_step
 from softseam.study.frame import Counts, Frame, Grading, is_viscous
 from softseam.symmetric import PARTS
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
@@ -313,16 +314,6 @@ def _as_is(frame: Frame) -> Iterator[Configuration]:
 def fem_seconds(frame: Frame, n_cells: float, step: float) -> float:
     """Rough wall time of FEM that solves for so many cells [s]."""
     return frame.length / step * fem_step(n_cells)
-
-
-def fem_step(n_cells: float) -> float:
-    """Rough wall time of a step of FEM [s]."""
-    return float(2e-4 + 4e-6 * n_cells**1.55)
-
-
-def xpbd_step(n_cells: float, step: float) -> float:
-    """Rough wall time of a step of XPBD of that length [s]."""
-    return float(2e-4 + 2.5e-6 * n_cells ** (4 / 3) * step / 0.01)
 
 
 def cells_named(frame: Frame, counts: Counts) -> str:

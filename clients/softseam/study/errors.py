@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.columns import unit_of
+from softseam.norm import rms
 from softseam.study.series import Series
 from softseam.view.colors import label
 
@@ -22,8 +23,6 @@ Floats = NDArray[np.float64]
 
 KNOWN = 0.05
 """a quantity whose reference is not known better than this does not count: its error would be the reference's [1]"""
-NOTHING = {"m": 1e-6, "N": 1e-6, "Pa": 1e-3, "1": 1e-9}
-"""a quantity whose norm is below this is zero in this scene, by unit"""
 FAINT = 0.01
 """a stress below this share of the largest that is looked at lies beyond all that presses, and does not count [1]"""
 
@@ -60,13 +59,6 @@ class Error:
     """what the run differs from the reference by, told or not [1]"""
 
 
-def rms(values: Floats, time: Floats) -> float:
-    """|J| of a curve (n,) at times (n,) [s], by the trapezoidal rule; the plain value of a single time."""
-    if len(time) < 2:
-        return float(np.abs(values).max(initial=0.0))
-    return float(np.sqrt(np.trapezoid(values * values, time) / (time[-1] - time[0])))
-
-
 def scale_of(name: str, values: Floats, travel: Floats, time: Floats) -> float:
     """What errors of a quantity are divided by: its own norm, of slip the tools' way."""
     return max(rms(values, time), rms(travel, time)) if name == "slip" else rms(values, time)
@@ -75,11 +67,6 @@ def scale_of(name: str, values: Floats, travel: Floats, time: Floats) -> float:
 def largest_stress(norms: Mapping[str, float]) -> float:
     """Of the quantities' norms [Pa]; 0 where none is a stress."""
     return max((norm for name, norm in norms.items() if unit_of(name) == "Pa"), default=0.0)
-
-
-def is_nothing(name: str, scale: float) -> bool:
-    """Whether a quantity is zero in this scene, so that no error is relative to it."""
-    return not scale > NOTHING.get(unit_of(name), 0.0)
 
 
 def is_faint(name: str, scale: float, stress: float) -> bool:

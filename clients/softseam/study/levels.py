@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.errors import SceneRefused, SoftseamError
+from softseam.norm import rms
 from softseam.scenes import bundle_of, bundle_with
 from softseam.study.configurations import Configuration, Fem
 from softseam.study.deadline import Deadline
-from softseam.study.errors import rms
 from softseam.study.frame import Frame, is_viscous
 from softseam.study.measure import Outcome, Told, measure, quantity_names
 from softseam.study.reference import Level

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from softseam import norm, step_cost
 from softseam.embedded import compile_clock, compile_models
 from softseam.errors import BadInput
 from softseam.scenes import bundle_of
@@ -196,7 +197,8 @@ def search(
 def planner_digest() -> str:
     """Digest of the sources that choose and judge runs: with another digest, perhaps another plan of the same runs."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    shared = (Path(file) for file in (norm.__file__, step_cost.__file__))
+    for path in (*sorted(Path(__file__).parent.glob("*.py")), *shared):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:8]
 

@@ -17,8 +17,9 @@ import numpy as np
 
 from softseam.columns import unit_of
 from softseam.errors import SoftseamError
+from softseam.norm import rms
 from softseam.study.configurations import Configuration, Fem
-from softseam.study.errors import KNOWN, errors, rms, sure
+from softseam.study.errors import KNOWN, errors, sure
 from softseam.study.measure import Outcome
 from softseam.study.plan import Goal, Plan, Tried
 from softseam.study.prescribed import prescribed

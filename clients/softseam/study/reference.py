@@ -18,15 +18,14 @@ from numpy.typing import NDArray
 
 from softseam.columns import unit_of
 from softseam.errors import SoftseamError
+from softseam.norm import is_nothing, rms
 from softseam.study.errors import (
     FAINT,
     KNOWN,
     Truth,
     is_faint,
     is_hardly_known,
-    is_nothing,
     largest_stress,
-    rms,
     scale_of,
 )
 from softseam.study.richardson import Limit

@@ -12,7 +12,8 @@ import numpy as np
 
 from softseam.columns import unit_of
 from softseam.errors import SoftseamError
-from softseam.study.errors import KNOWN, is_faint, is_nothing, largest_stress
+from softseam.norm import is_nothing
+from softseam.study.errors import KNOWN, is_faint, largest_stress
 from softseam.study.levels import Levels, Resolution, Watch
 from softseam.study.reference import TARGET, Reference, counted, joined
 from softseam.study.richardson import Limit
