@@ -9,9 +9,9 @@ from pbd_run import PbdRun, block_scene, cantilever
 from rich.console import Console
 from rich.table import Table
 
-from softseam.study.measure import measure
 from softseam_services.pbd.kernels.lanes import LANES
 from softseam_services.pbd.two_threads import TwoThreads
+from softseam_studies.study.measure import measure
 
 TIP = -0.1504
 """lowest tip of scene A [m], two independent codes"""

@@ -11,7 +11,6 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from softseam import cli_fitting, cli_importing, cli_learning, cli_studies
 from softseam.cli_options import (
     PICTURE,
     CheckCommand,
@@ -23,6 +22,7 @@ from softseam.cli_options import (
     Settings,
     Tolerance,
 )
+from softseam.commands import commands_after
 from softseam.errors import BadInput, MissingExtra, NoConnection, SceneRefused, ServicesFailed, SoftseamError
 from softseam_protocol.extensions import ExtensionError, load_extensions
 from softseam_protocol.scene.scene import SeveralBodies
@@ -55,6 +55,11 @@ Role = Literal["router", "fem", "pbd", "orchestrator", "recorder"]
 
 def _out() -> Console:
     return Console()
+
+
+def _list_after(own: str) -> None:
+    for each in commands_after(own):
+        app.command(name=each.name, epilog=each.epilog)(each.function)
 
 
 @app.command(
@@ -179,10 +184,7 @@ def check(
     check_scene(scene, tuple(settings or ()), _out(), picture)
 
 
-app.command(epilog=cli_studies.CHART)(cli_studies.chart)
-app.command(epilog=cli_studies.PLAN)(cli_studies.plan)
-app.command(epilog=cli_studies.CALIBRATE)(cli_studies.calibrate)
-app.command(epilog=cli_studies.ATLAS)(cli_studies.atlas)
+_list_after("check")
 
 
 @app.command(
@@ -287,11 +289,7 @@ def schema(
             raise cannot_write(out, error) from None
 
 
-app.command(name="import", epilog=cli_importing.IMPORT)(cli_importing.import_template)
-app.command(epilog=cli_fitting.FIT)(cli_fitting.fit)
-app.command(epilog=cli_fitting.SURROGATE)(cli_fitting.surrogate)
-app.command(epilog=cli_learning.TRAIN)(cli_learning.train)
-app.command(epilog=cli_learning.EVALUATE)(cli_learning.evaluate)
+_list_after("schema")
 
 
 def main() -> int:

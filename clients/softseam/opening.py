@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from softseam.commands import planner
 from softseam.scenes import bundle_of
 from softseam.session import Session, open_as_given
 from softseam.variants import Model, with_settings
@@ -36,17 +36,4 @@ def open(
 
     if model is not None or with_settings(bundle_of(scene)[0], settings).tolerance is None:
         return begin(settings)
-    from rich.console import Console
-
-    from softseam.study.plan_command import Wishes, find
-    from softseam.study.plan_watch import PlanWatch
-
-    # progress goes to the terminal's standard error; where there is none, a line says what takes so long
-    shown = sys.stderr.isatty()
-    console, wishes = Console(stderr=True, quiet=not shown), Wishes(scene, tuple(settings))
-
-    def begins(text: str) -> None:
-        if not shown:
-            print(f"softseam: {text}", file=sys.stderr, flush=True)
-
-    return PlanWatch(wishes, find(wishes, console, begins), console, begin).begin()
+    return planner().planned_session(scene, tuple(settings), begin)

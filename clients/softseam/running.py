@@ -19,6 +19,7 @@ from softseam.choice import choice
 from softseam.claims.estimate import Estimate
 from softseam.claims.voice import speak
 from softseam.closing import print_closing
+from softseam.commands import planner
 from softseam.condition import conditions
 from softseam.embedded import compile_clock
 from softseam.errors import BadInput, SoftseamError
@@ -65,10 +66,8 @@ def run(wishes: Wishes, console: Console) -> dict[str, Any]:
         raise BadInput("--model and --tolerance exclude each other: a tolerance chooses the model, too")
     _check_outputs(wishes)
     if wishes.model is None and (wishes.tolerance is not None or _tolerance(wishes) is not None):
-        from softseam.study.plan_command import Wishes as PlanWishes
-        from softseam.study.plan_command import planned
-
-        settings = (*settings, *planned(PlanWishes(wishes.scene, settings, wishes.tolerance), console))
+        planned = planner().planned_settings(wishes.scene, settings, wishes.tolerance, console)
+        settings = (*settings, *planned)
     with tempfile.TemporaryDirectory(prefix="softseam-") as scratch:
         recording = wishes.record
         if recording is None and (wishes.pictures is not None or wishes.view):

@@ -14,14 +14,14 @@ from pathlib import Path
 
 from rich.console import Console
 
-from softseam.atlas.atlas import Filled
-from softseam.atlas.command import Found, Wishes, atlas
-from softseam.atlas.draw import MARKS
-from softseam.atlas.long_run import LongRun, cells
-from softseam.atlas.pitfalls import Row
-from softseam.atlas.verdicts import KINDS, MEANING
 from softseam.embedded import solver_digest
 from softseam_protocol.facts import machine
+from softseam_studies.atlas.atlas import Filled
+from softseam_studies.atlas.command import Found, Wishes, atlas
+from softseam_studies.atlas.draw import MARKS
+from softseam_studies.atlas.long_run import LongRun, cells
+from softseam_studies.atlas.pitfalls import Row
+from softseam_studies.atlas.verdicts import KINDS, MEANING
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = """# Stability where methods fail

@@ -16,11 +16,11 @@ from rich.table import Table
 
 from softseam.norm import rms
 from softseam.scenes import load_scene
-from softseam.study.configurations import Fem
-from softseam.study.errors import scale_of
-from softseam.study.frame import Frame, frame_of
-from softseam.study.measure import Outcome, measure, quantity_names
 from softseam.variants import AS_GIVEN, with_settings
+from softseam_studies.study.configurations import Fem
+from softseam_studies.study.errors import scale_of
+from softseam_studies.study.frame import Frame, frame_of
+from softseam_studies.study.measure import Outcome, measure, quantity_names
 
 TRIED = (
     "4x4x1/1/80", "6x6x2/4x1x1/80", "6x2x4/4x1x4/80", "8x2x3/8x1x8/80", "12x2x4/8x1x8/80", "8x2x3/8x1x8/10",

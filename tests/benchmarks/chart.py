@@ -14,13 +14,13 @@ from pathlib import Path
 
 from rich.console import Console
 
-from softseam.study.chart_command import Wishes, chart
-from softseam.study.errors import Error, not_counted
-from softseam.study.landmarks import ASKED, Landmark, read_rivals
-from softseam.study.reference import Reference, in_words, origin
-from softseam.study.table import Row, busy, unrun
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
+from softseam_studies.study.chart_command import Wishes, chart
+from softseam_studies.study.errors import Error, not_counted
+from softseam_studies.study.landmarks import ASKED, Landmark, read_rivals
+from softseam_studies.study.reference import Reference, in_words, origin
+from softseam_studies.study.table import Row, busy, unrun
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = {"tofu_grasp": 10.0, "cantilever": 2.0, "tofu_pads": 2.0, "tofu_slab": 2.0}
@@ -170,7 +170,7 @@ a control, and no plan takes it:
 | the reference | | | {reference:.3g} |
 {rows}
 """
-CHOSEN = "../../clients/softseam/study/classic.py"
+CHOSEN = "../../clients/softseam_studies/study/classic.py"
 """where k is chosen"""
 STRESS = """
 Local stress, {where}. Asked for: {most:g} % at {fast:g} times real time. Of all that is so fast, the most accurate

@@ -20,20 +20,20 @@ from benchmarks.plans_page import DEARER, SHORT, TOLERANCES, Checked, Judged, pa
 from rich.console import Console
 
 from softseam.errors import SoftseamError
-from softseam.study.configurations import Configuration, configurations
-from softseam.study.errors import Error, errors, is_hardly_known, not_counted
-from softseam.study.levels import Watch
-from softseam.study.measure import Outcome, measure
-from softseam.study.plan import Goal, Plan
-from softseam.study.plan_command import REFERENCE
-from softseam.study.planner import NoPlan, choose, counts_to, judged, promised
-from softseam.study.progress import ChartProgress
-from softseam.study.reference import Reference, origin
-from softseam.study.store import Store
-from softseam.study.study import Study, reference_of, study_of
-from softseam.study.sweep import sweep
-from softseam.study.table import Row, core_share, rows_of, unrun
 from softseam.view.colors import label
+from softseam_studies.study.configurations import Configuration, configurations
+from softseam_studies.study.errors import Error, errors, is_hardly_known, not_counted
+from softseam_studies.study.levels import Watch
+from softseam_studies.study.measure import Outcome, measure
+from softseam_studies.study.plan import Goal, Plan
+from softseam_studies.study.plan_command import REFERENCE
+from softseam_studies.study.planner import NoPlan, choose, counts_to, judged, promised
+from softseam_studies.study.progress import ChartProgress
+from softseam_studies.study.reference import Reference, origin
+from softseam_studies.study.store import Store
+from softseam_studies.study.study import Study, reference_of, study_of
+from softseam_studies.study.sweep import sweep
+from softseam_studies.study.table import Row, core_share, rows_of, unrun
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = (

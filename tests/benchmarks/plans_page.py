@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from softseam.embedded import solver_digest
-from softseam.study.table import busy_by
 from softseam_protocol.facts import machine
+from softseam_studies.study.table import busy_by
 
 TOLERANCES = (0.2, 0.1, 0.05, 0.02)
 SHORT = 1.0

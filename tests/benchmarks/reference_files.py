@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from softseam.norm import rms
-from softseam.study.bundled import File, digest_of_document
-from softseam.study.errors import Truth
-from softseam.study.levels import Levels
-from softseam.study.reference import Reference
+from softseam_studies.study.bundled import File, digest_of_document
+from softseam_studies.study.errors import Truth
+from softseam_studies.study.levels import Levels
+from softseam_studies.study.reference import Reference
 
 DIGITS = 0.01
 """numbers are rounded to about this share of what they are known to [1]"""

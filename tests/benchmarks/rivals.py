@@ -23,10 +23,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from softseam.study.chart_command import Wishes, chart
-from softseam.study.errors import errors
-from softseam.study.reference import Reference
-from softseam.study.series import Series
+from softseam_studies.study.chart_command import Wishes, chart
+from softseam_studies.study.errors import errors
+from softseam_studies.study.reference import Reference
+from softseam_studies.study.series import Series
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).parent

@@ -10,9 +10,9 @@ import argparse
 from pathlib import Path
 from typing import Literal
 
-from softseam.study.measure import measure
 from softseam.variants import with_model
 from softseam_protocol.scene.file import load_scene
+from softseam_studies.study.measure import measure
 
 SCENE = Path(__file__).resolve().parents[2] / "scenes" / "stiff_inclusion.yaml"
 EDGE = 0.05

@@ -25,17 +25,17 @@ from rich.table import Table
 from softseam.embedded import solver_digest
 from softseam.errors import SoftseamError
 from softseam.scenes import load_scene
-from softseam.study.bundled import File, path_of, read
-from softseam.study.errors import KNOWN
-from softseam.study.frame import frame_of
-from softseam.study.levels import Levels
-from softseam.study.measure import quantity_names
-from softseam.study.progress import ChartProgress
-from softseam.study.reference import Reference, counted, in_words, origin
-from softseam.study.refine import refine
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
+from softseam_studies.study.bundled import File, path_of, read
+from softseam_studies.study.errors import KNOWN
+from softseam_studies.study.frame import frame_of
+from softseam_studies.study.levels import Levels
+from softseam_studies.study.measure import quantity_names
+from softseam_studies.study.progress import ChartProgress
+from softseam_studies.study.reference import Reference, counted, in_words, origin
+from softseam_studies.study.refine import refine
 
 MINUTES = 20.0
 TARGET = 1e-4

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from softseam.atlas import atlas as registry
-from softseam.atlas.command import Wishes, atlas
-from softseam.atlas.maps import impact, iterations, messages, poisson, seam, shapes, slope, squeeze, step, tools
 from softseam.errors import BadInput
+from softseam_studies.atlas import atlas as registry
+from softseam_studies.atlas.command import Wishes, atlas
+from softseam_studies.atlas.maps import impact, iterations, messages, poisson, seam, shapes, slope, squeeze, step, tools
 
 TINY = {
     "step": partial(step.build, (0.01,), (1e4,)),
@@ -37,7 +37,7 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("atlas")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(registry, "MAPS", TINY)
-        patch.setattr("softseam.atlas.command.MAPS", TINY)
+        patch.setattr("softseam_studies.atlas.command.MAPS", TINY)
         atlas(Wishes(MAPS, folder), Console(quiet=True))
         finished = {path: path.stat().st_mtime_ns for path in (folder / "runs").glob("*.json")}
         atlas(Wishes(MAPS, folder), Console(quiet=True))

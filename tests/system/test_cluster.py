@@ -22,18 +22,18 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from softseam import cluster as sharing
-from softseam.cluster import share
 from softseam.errors import BadInput, NoConnection, ServicesFailed
-from softseam.learn.evaluate import Wishes, evaluate
-from softseam.learn.policy import POLICY, Training
-from softseam.learn.train import new_learner, vectorised
-from softseam.study.chart_command import Wishes as Charting
-from softseam.study.chart_command import chart
-from softseam.study.configurations import Configuration, Fem
-from softseam.study.store import Identity, Store
-from softseam.study.study import study_of
-from softseam.study.sweep import sweep
+from softseam_studies import cluster as sharing
+from softseam_studies.cluster import share
+from softseam_studies.learn.evaluate import Wishes, evaluate
+from softseam_studies.learn.policy import POLICY, Training
+from softseam_studies.learn.train import new_learner, vectorised
+from softseam_studies.study.chart_command import Wishes as Charting
+from softseam_studies.study.chart_command import chart
+from softseam_studies.study.configurations import Configuration, Fem
+from softseam_studies.study.store import Identity, Store
+from softseam_studies.study.study import study_of
+from softseam_studies.study.sweep import sweep
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

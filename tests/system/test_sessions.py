@@ -12,7 +12,7 @@ import pytest
 
 from softseam.errors import BadInput, ServicesFailed
 from softseam.gym import PushGentle
-from softseam.learn.sessions import Sessions, work
+from softseam_studies.learn.sessions import Sessions, work
 
 MAKE = partial(PushGentle, step=0.04, stress_limit=500.0)
 """which the first touch ends"""

@@ -14,14 +14,14 @@ import pytest
 from benchmarks import atlas as template
 from rich.console import Console
 
-from softseam.atlas import atlas as registry
-from softseam.atlas import command, long_run, pitfalls
-from softseam.atlas.command import Found, Wishes, atlas
-from softseam.atlas.draw import MARKS, inside
-from softseam.atlas.maps.grid import Cell, Map, Panel
-from softseam.atlas.trace import Trace
-from softseam.atlas.verdicts import Verdict, judge
 from softseam.errors import BadInput
+from softseam_studies.atlas import atlas as registry
+from softseam_studies.atlas import command, long_run, pitfalls
+from softseam_studies.atlas.command import Found, Wishes, atlas
+from softseam_studies.atlas.draw import MARKS, inside
+from softseam_studies.atlas.maps.grid import Cell, Map, Panel
+from softseam_studies.atlas.trace import Trace
+from softseam_studies.atlas.verdicts import Verdict, judge
 
 NAMES = ("step", "squeeze")
 Tables = Callable[..., tuple[dict[str, Any], list[dict[str, str]]]]

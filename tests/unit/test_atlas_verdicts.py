@@ -9,15 +9,19 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from softseam.atlas import controls
-from softseam.atlas.atlas import Filled
-from softseam.atlas.command import Wishes, atlas
-from softseam.atlas.draw import draw_map, draw_overview, inside
-from softseam.atlas.maps import seam
-from softseam.atlas.maps.grid import Cell, Map, Panel
-from softseam.atlas.scenes import force_share, press, pressed
-from softseam.atlas.table import write_csv
-from softseam.atlas.trace import (
+from softseam.errors import BadInput
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import Detail, EventKind
+from softseam_protocol.messages.session import Event
+from softseam_studies.atlas import controls
+from softseam_studies.atlas.atlas import Filled
+from softseam_studies.atlas.command import Wishes, atlas
+from softseam_studies.atlas.draw import draw_map, draw_overview, inside
+from softseam_studies.atlas.maps import seam
+from softseam_studies.atlas.maps.grid import Cell, Map, Panel
+from softseam_studies.atlas.scenes import force_share, press, pressed
+from softseam_studies.atlas.table import write_csv
+from softseam_studies.atlas.trace import (
     CRUSHED,
     CUT,
     MORE_SWEEPS,
@@ -30,11 +34,7 @@ from softseam.atlas.trace import (
     guard_of,
     told_by,
 )
-from softseam.atlas.verdicts import KINDS, Kind, Verdict, judge, percent
-from softseam.errors import BadInput
-from softseam_protocol.messages.header import SCHEMA_VERSION, Header
-from softseam_protocol.messages.outcomes import Detail, EventKind
-from softseam_protocol.messages.session import Event
+from softseam_studies.atlas.verdicts import KINDS, Kind, Verdict, judge, percent
 
 
 @pytest.mark.parametrize(

@@ -18,19 +18,19 @@ from softseam.embedded import solver_digest
 from softseam.errors import BadInput
 from softseam.observation import Observation
 from softseam.scenes import load_scene, references_folder
-from softseam.study import bundled
-from softseam.study import chart_command as command
-from softseam.study import plan_command as planning
-from softseam.study.configurations import Configuration
-from softseam.study.frame import Frame, frame_of
-from softseam.study.levels import Levels
-from softseam.study.measure import Outcome, Told, quantity_names
-from softseam.study.planner import NoPlan, counts_to
-from softseam.study.reference import Reference, counted, origin
-from softseam.study.refine import assemble
-from softseam.study.series import Series
-from softseam.study.study import Study
 from softseam.variants import with_settings
+from softseam_studies.study import bundled
+from softseam_studies.study import chart_command as command
+from softseam_studies.study import plan_command as planning
+from softseam_studies.study.configurations import Configuration
+from softseam_studies.study.frame import Frame, frame_of
+from softseam_studies.study.levels import Levels
+from softseam_studies.study.measure import Outcome, Told, quantity_names
+from softseam_studies.study.planner import NoPlan, counts_to
+from softseam_studies.study.reference import Reference, counted, origin
+from softseam_studies.study.refine import assemble
+from softseam_studies.study.series import Series
+from softseam_studies.study.study import Study
 
 TIME = np.arange(100) / 100
 NAMES = ("grip_force", "sag", "slip", "peak_von_mises", "compression")
@@ -193,7 +193,7 @@ def test_a_chart_with_what_ships_runs_no_reference(
     made: Reference, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr("softseam.study.study.refine", lambda *_: pytest.fail("a reference was made"))
+    monkeypatch.setattr("softseam_studies.study.study.refine", lambda *_: pytest.fail("a reference was made"))
     monkeypatch.setattr(command, "_write", lambda *_: None)
     budgets = list[float]()
 
@@ -205,7 +205,7 @@ def test_a_chart_with_what_ships_runs_no_reference(
 
     of_ones = Series(TIME, np.zeros(len(TIME)), {name: np.ones(len(TIME)) for name in NAMES})
     monkeypatch.setattr(command, "sweep", swept)
-    monkeypatch.setattr("softseam.study.study.quantity_names", lambda scene: NAMES)
+    monkeypatch.setattr("softseam_studies.study.study.quantity_names", lambda scene: NAMES)
     console = Console(record=True, width=200)
     _, reference = command.chart(command.Wishes("tofu_grasp", out=tmp_path / "out", minutes=1.0), console)
     assert reference.bundled and budgets[0] > 50.0, "nearly all of the minute is the sweep's"

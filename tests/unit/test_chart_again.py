@@ -10,10 +10,10 @@ import pytest
 from rich.console import Console
 
 from softseam.errors import BadInput
-from softseam.study import chart_command as command
-from softseam.study.chart_command import Wishes, chart
-from softseam.study.configurations import Configuration, Fem
-from softseam.study.frame import Frame
+from softseam_studies.study import chart_command as command
+from softseam_studies.study.chart_command import Wishes, chart
+from softseam_studies.study.configurations import Configuration, Fem
+from softseam_studies.study.frame import Frame
 
 SCENE = """\
 softseam: 1
@@ -67,7 +67,7 @@ def test_other_settings_have_runs_of_their_own(wishes: Wishes, monkeypatch: pyte
     assert made(replace(wishes, settings=("body.material.young=5e2",))) != first
     assert made(wishes) == first
     assert runs.items() <= stored(wishes.out).items(), "finished runs were run again"
-    monkeypatch.setattr("softseam.study.study.solver_digest", lambda: "upgraded")
+    monkeypatch.setattr("softseam_studies.study.study.solver_digest", lambda: "upgraded")
     assert made(wishes) == first
     assert len(stored(wishes.out)) == 1 + 3 * 2, "three charts of two runs each, and the old file"
 

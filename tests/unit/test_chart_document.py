@@ -10,15 +10,15 @@ import pytest
 from benchmarks import chart as document
 
 from softseam.scenes import load_scene
-from softseam.study.classic import classic_configurations
-from softseam.study.configurations import METHODS, Configuration, configurations
-from softseam.study.errors import Error, Truth
-from softseam.study.frame import Frame
-from softseam.study.landmarks import Landmark
-from softseam.study.measure import Outcome
-from softseam.study.reference import Part, Reference
-from softseam.study.series import Series
-from softseam.study.table import Row
+from softseam_studies.study.classic import classic_configurations
+from softseam_studies.study.configurations import METHODS, Configuration, configurations
+from softseam_studies.study.errors import Error, Truth
+from softseam_studies.study.frame import Frame
+from softseam_studies.study.landmarks import Landmark
+from softseam_studies.study.measure import Outcome
+from softseam_studies.study.reference import Part, Reference
+from softseam_studies.study.series import Series
+from softseam_studies.study.table import Row
 
 KNOWN = Reference(
     np.array([0.1, 0.2]),

@@ -11,22 +11,22 @@ import pytest
 
 from softseam.errors import BadInput
 from softseam.scenes import load_scene
-from softseam.study.classic import classic_configurations
-from softseam.study.configurations import Configuration, Fem, configurations
-from softseam.study.errors import Truth
-from softseam.study.frame import Frame, frame_of
-from softseam.study.landmarks import ASKED, asked_of, read_rivals
-from softseam.study.measure import BRIEF, MOST, Outcome, measure, quantity_names
-from softseam.study.reference import Part, Reference
-from softseam.study.series import Series
-from softseam.study.store import Identity, Store, cache_folder
-from softseam.study.study import study_of
-from softseam.study.sweep import sweep
-from softseam.study.table import rows_of, write_csv
 from softseam.variants import AS_GIVEN, with_settings
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.particles import TetMeshBody
 from softseam_services.body.build import build_body
+from softseam_studies.study.classic import classic_configurations
+from softseam_studies.study.configurations import Configuration, Fem, configurations
+from softseam_studies.study.errors import Truth
+from softseam_studies.study.frame import Frame, frame_of
+from softseam_studies.study.landmarks import ASKED, asked_of, read_rivals
+from softseam_studies.study.measure import BRIEF, MOST, Outcome, measure, quantity_names
+from softseam_studies.study.reference import Part, Reference
+from softseam_studies.study.series import Series
+from softseam_studies.study.store import Identity, Store, cache_folder
+from softseam_studies.study.study import study_of
+from softseam_studies.study.sweep import sweep
+from softseam_studies.study.table import rows_of, write_csv
 
 HERE = Identity("a scene", "some code", "a machine")
 SERIES = Series(np.array([0.1, 0.2]), np.zeros(2), {"sag": np.array([1.0, 2.0])})
@@ -360,8 +360,8 @@ def test_rows_tell_what_failed(tmp_path: Path) -> None:
     write_csv(rows, ["sag"], tmp_path / "chart.csv")
     lines = (tmp_path / "chart.csv").read_text().splitlines()
     assert len(lines) == 5 and "it diverged" in lines[2] and lines[1].endswith("0.01,true")
-    from softseam.study.draw import draw_chart, placed
     from softseam.view.paper import write
+    from softseam_studies.study.draw import draw_chart, placed
 
     assert placed(rows[1]) == (0.1 / 0.5, 1.0, True) and placed(rows[3]) is None
     picture = write(draw_chart("a test", "a machine", rows, reference, ASKED, ASKED[:1]), tmp_path / "chart.png")
@@ -381,5 +381,5 @@ def test_brief_runs_are_timed_more_often_than_asked_for(monkeypatch: pytest.Monk
     # of one run, not of all; and two clocks differ by some microseconds
     assert found.cpu <= 1.05 * sorted(found.walls)[len(found.walls) // 2]
     assert len(measure("tofu_grasp", settings, ("sag",), runs=0).walls) == 1
-    monkeypatch.setattr("softseam.study.measure.BRIEF", 0.0)
+    monkeypatch.setattr("softseam_studies.study.measure.BRIEF", 0.0)
     assert len(measure("tofu_grasp", settings, ("sag",), runs=2).walls) == 2

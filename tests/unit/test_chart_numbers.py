@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from softseam.norm import is_nothing, rms
-from softseam.study.errors import (
+from softseam_studies.study.errors import (
     Truth,
     errors,
     is_faint,
@@ -20,11 +20,11 @@ from softseam.study.errors import (
     sure,
     worst,
 )
-from softseam.study.reference import Part, Reference, counted
-from softseam.study.refine import fine
-from softseam.study.richardson import FASTEST, RECENT, SLOWEST, Limit, limit, observed_order, turns_back
-from softseam.study.series import Series
-from softseam.study.table import pareto_front
+from softseam_studies.study.reference import Part, Reference, counted
+from softseam_studies.study.refine import fine
+from softseam_studies.study.richardson import FASTEST, RECENT, SLOWEST, Limit, limit, observed_order, turns_back
+from softseam_studies.study.series import Series
+from softseam_studies.study.table import pareto_front
 
 TIME = np.linspace(0.0, 2.0, 401)
 TRUE = np.sin(3.0 * TIME) + 2.0

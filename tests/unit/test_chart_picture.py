@@ -9,13 +9,13 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from softseam.study import draw
-from softseam.study.configurations import METHODS, Configuration
-from softseam.study.errors import Error, Truth
-from softseam.study.landmarks import ASKED, Landmark
-from softseam.study.measure import Outcome, Status
-from softseam.study.reference import Part, Reference
-from softseam.study.table import Row
+from softseam_studies.study import draw
+from softseam_studies.study.configurations import METHODS, Configuration
+from softseam_studies.study.errors import Error, Truth
+from softseam_studies.study.landmarks import ASKED, Landmark
+from softseam_studies.study.measure import Outcome, Status
+from softseam_studies.study.reference import Part, Reference
+from softseam_studies.study.table import Row
 
 REFERENCE = Reference(
     np.array([0.1, 0.2]),

@@ -8,15 +8,15 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from softseam.study.configurations import configurations
-from softseam.study.progress import ChartProgress
-from softseam.study.study import study_of
+from softseam_studies.study.configurations import configurations
+from softseam_studies.study.progress import ChartProgress
+from softseam_studies.study.study import study_of
 
 
 @pytest.mark.parametrize("budget", [5.0, 60.0, 1e-9])
 @pytest.mark.parametrize("at", [0, 20, -1])
 def test_time_left(budget: float, at: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("softseam.study.progress._LINE", 0.0)
+    monkeypatch.setattr("softseam_studies.study.progress._LINE", 0.0)
     said, wanted = StringIO(), configurations(study_of("stiff_inclusion").frame)
     with ChartProgress(Console(file=said, width=200)) as progress:
         progress.expect(wanted, budget)

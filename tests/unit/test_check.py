@@ -13,10 +13,20 @@ import pytest
 from rich.console import Console
 
 from softseam.gym import BatchEnv, TofuLift
-from softseam.learn.check import CHECK_STEP, MOMENTS, Check, Episode, Watched, compare, moments, replay, show_checks
-from softseam.learn.check_beside import Beside
-from softseam.learn.curve import draw_curve
-from softseam.learn.policy import Training
+from softseam_studies.learn.check import (
+    CHECK_STEP,
+    MOMENTS,
+    Check,
+    Episode,
+    Watched,
+    compare,
+    moments,
+    replay,
+    show_checks,
+)
+from softseam_studies.learn.check_beside import Beside
+from softseam_studies.learn.curve import draw_curve
+from softseam_studies.learn.policy import Training
 
 PIECES = 8
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from softseam import cli, connected, errors
-from softseam.study.planner import NoPlan
+from softseam_studies.study.planner import NoPlan
 
 GOOD = """\
 softseam: 1

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from softseam.errors import BadInput
-from softseam.fit.curve import Curve, check_times, read_curve, read_off
 from softseam.losses import Run
+from softseam_studies.fit.curve import Curve, check_times, read_curve, read_off
 
 TOOLS = ["ground", "left"]
 

@@ -8,10 +8,10 @@ import pytest
 
 import softseam
 from softseam.errors import SceneRefused
-from softseam.importing import scene_of
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import parse_scene
 from softseam_protocol.scene.particles import SheetBody
+from softseam_studies.importing import scene_of
 
 SCENES = Path(__file__).parents[2] / "scenes"
 FEM = (SCENES / "templates" / "fem_config.yaml").read_text(encoding="utf-8")

@@ -13,9 +13,6 @@ from rich.console import Console
 from softseam.checking import check_scene
 from softseam.errors import SceneRefused
 from softseam.scenes import load_scene
-from softseam.study.configurations import Fem, configurations
-from softseam.study.frame import Frame
-from softseam.study.levels import levels_of
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import Ball, inner_ball
 from softseam_protocol.material_borders import material_borders, pieces
@@ -24,6 +21,9 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.borders import border_lines
 from softseam_services.body.build import build_any_body
+from softseam_studies.study.configurations import Fem, configurations
+from softseam_studies.study.frame import Frame
+from softseam_studies.study.levels import levels_of
 
 SIZE = (0.06, 0.05, 0.04)
 SPHERE = {"kind": "sphere", "position": (0.0, 0.0, 0.02), "radius": 0.008}

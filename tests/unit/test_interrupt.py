@@ -14,7 +14,7 @@ import softseam
 from softseam.embedded import halt
 from softseam.errors import SimulationFailed
 from softseam.interrupt import Ended, Interrupt
-from softseam.study.measure import measure
+from softseam_studies.study.measure import measure
 
 SCENE = """\
 softseam: 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softseam.fit.least_squares import Floats, fit, not_told
+from softseam_studies.fit.least_squares import Floats, fit, not_told
 
 T = np.linspace(0.0, 1.0, 40)
 

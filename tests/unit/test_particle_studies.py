@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from softseam.study.plan_command import Wishes, find
-from softseam.study.study import reference_of, study_of
+from softseam_studies.study.plan_command import Wishes, find
+from softseam_studies.study.study import reference_of, study_of
 
 SHORT = ("motion=[{tools: [left, right], grip: 0.0}, {hold: 0.2}]", "quantities=[sag]")
 

@@ -10,11 +10,11 @@ import pytest
 from rich.console import Console
 
 import softseam
-from softseam.study import plan_command as command
-from softseam.study.measure import Status
-from softseam.study.plan import Goal, Plan, Tried
-from softseam.study.plan_command import Wishes, find, listed, show
-from softseam.study.plan_watch import PlanWatch
+from softseam_studies.study import plan_command as command
+from softseam_studies.study.measure import Status
+from softseam_studies.study.plan import Goal, Plan, Tried
+from softseam_studies.study.plan_command import Wishes, find, listed, show
+from softseam_studies.study.plan_watch import PlanWatch
 
 WISHES = Wishes("tofu_grasp", tolerance=0.05)
 

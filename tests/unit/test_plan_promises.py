@@ -12,16 +12,16 @@ import pytest
 from rich.console import Console
 
 from softseam.scenes import load_scene
-from softseam.study import plan_command
-from softseam.study.deadline import READING, Deadline
-from softseam.study.errors import Truth
-from softseam.study.measure import Outcome, measure
-from softseam.study.planner import NoPlan, promised
-from softseam.study.reference import Part, Reference, counted
-from softseam.study.refine import fine
-from softseam.study.richardson import Limit
 from softseam_protocol.scene.file import scene_json
 from softseam_protocol.scene.scene import Scene
+from softseam_studies.study import plan_command
+from softseam_studies.study.deadline import READING, Deadline
+from softseam_studies.study.errors import Truth
+from softseam_studies.study.measure import Outcome, measure
+from softseam_studies.study.planner import NoPlan, promised
+from softseam_studies.study.reference import Part, Reference, counted
+from softseam_studies.study.refine import fine
+from softseam_studies.study.richardson import Limit
 
 CLOSE = {"tools": ["left", "right"], "close": 0.02}
 LIFT = {"tools": ["left", "right"], "move": [0, 0, 0.01], "speed": 0.05}

@@ -10,17 +10,17 @@ import pytest
 from rich.console import Console
 
 from softseam.scenes import load_scene
-from softseam.study.configurations import Configuration, Fem
-from softseam.study.errors import Truth
-from softseam.study.frame import Frame
-from softseam.study.measure import Outcome
-from softseam.study.plan import Goal, Plan
-from softseam.study.plan_command import Wishes
-from softseam.study.plan_watch import PlanWatch
-from softseam.study.planner import NoPlan, choose, counts_to, judged
-from softseam.study.reference import Part, Reference
-from softseam.study.series import Series
 from softseam_protocol.messages.session import ErrorEstimate
+from softseam_studies.study.configurations import Configuration, Fem
+from softseam_studies.study.errors import Truth
+from softseam_studies.study.frame import Frame
+from softseam_studies.study.measure import Outcome
+from softseam_studies.study.plan import Goal, Plan
+from softseam_studies.study.plan_command import Wishes
+from softseam_studies.study.plan_watch import PlanWatch
+from softseam_studies.study.planner import NoPlan, choose, counts_to, judged
+from softseam_studies.study.reference import Part, Reference
+from softseam_studies.study.series import Series
 
 TIME = np.linspace(0.0, 1.0, 5)
 FLAT = np.ones(5)

@@ -11,16 +11,16 @@ from benchmarks.plans import check, ran, timed
 from benchmarks.plans_page import TOLERANCES, Checked, Judged, page
 
 from softseam.embedded import solver_digest
-from softseam.study.configurations import Configuration, Fem
-from softseam.study.errors import Truth
-from softseam.study.measure import Outcome, Told
-from softseam.study.plan import Goal
-from softseam.study.planner import choose
-from softseam.study.reference import Part, Reference
-from softseam.study.series import Series
-from softseam.study.store import Identity, Store
-from softseam.study.study import study_of
-from softseam.study.table import rows_of
+from softseam_studies.study.configurations import Configuration, Fem
+from softseam_studies.study.errors import Truth
+from softseam_studies.study.measure import Outcome, Told
+from softseam_studies.study.plan import Goal
+from softseam_studies.study.planner import choose
+from softseam_studies.study.reference import Part, Reference
+from softseam_studies.study.series import Series
+from softseam_studies.study.store import Identity, Store
+from softseam_studies.study.study import study_of
+from softseam_studies.study.table import rows_of
 
 TIME, FLAT = np.linspace(0.0, 1.0, 5), np.ones(5)
 LEFT_OUT = Outcome("left out", "give more --minutes")

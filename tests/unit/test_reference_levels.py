@@ -10,15 +10,15 @@ import pytest
 
 from softseam.errors import SceneRefused, SoftseamError
 from softseam.scenes import load_scene
-from softseam.study.frame import Frame, frame_of
-from softseam.study.levels import Levels
-from softseam.study.measure import Outcome, Told
-from softseam.study.reference import NEAR, counted
-from softseam.study.refine import fine, refine
-from softseam.study.richardson import Limit
-from softseam.study.series import Series
 from softseam.variants import with_settings
 from softseam_protocol.scene.scene import Scene
+from softseam_studies.study.frame import Frame, frame_of
+from softseam_studies.study.levels import Levels
+from softseam_studies.study.measure import Outcome, Told
+from softseam_studies.study.reference import NEAR, counted
+from softseam_studies.study.refine import fine, refine
+from softseam_studies.study.richardson import Limit
+from softseam_studies.study.series import Series
 
 TIME = np.arange(0.0, 1.0, 0.01)
 

@@ -16,7 +16,7 @@ from softseam.embedded import solver_digest
 
 PROGRAM = """
 import sys
-from softseam.study.measure import measure, quantity_names
+from softseam_studies.study.measure import measure, quantity_names
 from softseam.scenes import load_scene
 for name, length in (("tofu_grasp", 0.05), ("cloth_fold", 0.02), ("sausage", 0.02)):
     found = measure(name, (f"duration={length}",), quantity_names(load_scene(name))[:1], runs=0)

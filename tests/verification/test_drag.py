@@ -8,13 +8,13 @@ from fem_run import FemRun, block
 from pbd_run import PbdRun, block_scene
 from test_viscosity import begun, clamped, lost, modes, swayed
 
-from softseam.study.configurations import configurations
-from softseam.study.frame import Frame
 from softseam_protocol.scene.kinds import IntegratorKind
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.calibration.measure import Bench, oscillation
 from softseam_services.orchestrator.rollout import NotDifferentiable, check_differentiable
+from softseam_studies.study.configurations import configurations
+from softseam_studies.study.frame import Frame
 
 
 def dragged(scene: Scene, drag: float) -> Scene:

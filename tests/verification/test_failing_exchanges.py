@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import softseam
-from softseam.atlas.scenes import press
 from softseam.variants import with_model
 from softseam_protocol.messages.outcomes import EventKind, Status
 from softseam_protocol.messages.participant import (
@@ -30,6 +29,7 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.participants import StepFailed
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.transport import ParticipantLost
+from softseam_studies.atlas.scenes import press
 
 CANTILEVER = Path(__file__).parents[2] / "scenes" / "cantilever.yaml"
 

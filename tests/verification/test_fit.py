@@ -14,9 +14,9 @@ from rich.console import Console
 
 import softseam
 from softseam.errors import BadInput
-from softseam.fit.command import Wishes, fit_scene
-from softseam.fit.least_squares import Answer
 from softseam_protocol.scene.file import scene_json
+from softseam_studies.fit.command import Wishes, fit_scene
+from softseam_studies.fit.least_squares import Answer
 
 SQUEEZE: list[dict[str, Any]] = [
     {"tools": ["left", "right"], "close": 0.02, "until": {"compression": 0.15}},

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softseam.atlas.maps.squeeze import SPEEDS, run
 from softseam_services.fem.inside_out import _SLOPES
+from softseam_studies.atlas.maps.squeeze import SPEEDS, run
 
 TOLD = "monitor of FEM: cells are inside out"
 LEAPT = "alarm: energy from nowhere"

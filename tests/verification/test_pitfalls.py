@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from softseam.atlas.pitfalls import PITFALLS
 from softseam_protocol.scene.materials import MATERIALS, material_spec
 from softseam_services.body.materials import build_material, point
+from softseam_studies.atlas.pitfalls import PITFALLS
 
 Floats = NDArray[np.float64]
 MEASURED = [

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import pytest
 
-from softseam.atlas.scenes import EDGE, press, pressed
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
+from softseam_studies.atlas.scenes import EDGE, press, pressed
 
 
 def cube(young: float, step: float) -> Simulation:

@@ -14,8 +14,6 @@ from softseam.errors import SceneRefused, SimulationFailed
 from softseam.report import ReportBuilder
 from softseam.scenes import load_scene
 from softseam.session import open_as_given
-from softseam.study.configurations import configurations
-from softseam.study.frame import frame_of
 from softseam.variants import with_model, with_settings
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Advanced, BodyState
@@ -25,6 +23,8 @@ from softseam_services.body.build import build_body
 from softseam_services.body.errors import SettingError
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.symmetry import check_symmetry
+from softseam_studies.study.configurations import configurations
+from softseam_studies.study.frame import frame_of
 
 Floats = NDArray[np.float64]
 Vector = tuple[float, float, float]

@@ -11,9 +11,6 @@ import pytest
 from pbd_run import PbdRun
 from rich.console import Console
 
-from softseam.atlas.maps import poisson
-from softseam.atlas.maps.poisson import bonded, cantilever, solve
-from softseam.atlas.scenes import press
 from softseam.closing import print_closing
 from softseam.embedded import EmbeddedBackend
 from softseam.report import ReportBuilder
@@ -25,6 +22,9 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator import error_estimate
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
+from softseam_studies.atlas.maps import poisson
+from softseam_studies.atlas.maps.poisson import bonded, cantilever, solve
+from softseam_studies.atlas.scenes import press
 
 
 class Watched(EmbeddedTransport):

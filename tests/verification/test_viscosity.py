@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 from pbd_run import PbdRun, block_scene
 
 import softseam
-from softseam.study.configurations import configurations
-from softseam.study.frame import Frame
-from softseam.study.levels import Levels
 from softseam_protocol.messages.participant import Advanced, BodyState
 from softseam_protocol.scene.kinds import ElementKind, IntegratorKind, MaterialKind
 from softseam_protocol.scene.models import FemSpec
@@ -22,6 +19,9 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.calibration.measure import Bench, oscillation
 from softseam_services.fem.kernels.elements import subtract_forces
+from softseam_studies.study.configurations import configurations
+from softseam_studies.study.frame import Frame
+from softseam_studies.study.levels import Levels
 
 Floats = NDArray[np.float64]
 CLAMPED = [{"min": (-1.0, -1.0, -1e-6), "max": (1.0, 1.0, 1e-6)}]

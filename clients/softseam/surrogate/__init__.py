@@ -1,5 +1,0 @@
-"""What FEM says of a squeeze, as a formula: runs are made beforehand, and what comes between is interpolated."""
-
-from softseam.surrogate.surrogate import Surrogate, Told
-
-__all__ = ["Surrogate", "Told"]

@@ -1,0 +1,72 @@
+"""The commands of the command line that fit: `softseam fit`, `softseam surrogate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from softseam.cli_options import SceneArgument, Settings
+
+FIT = (
+    "[bold]What it does[/bold]\n\n"
+    "The file has a line of names, then numbers: time [s], and forces of the body on tools [N]: left is the size of "
+    "that on the tool left, left.x its part along x. The scene's own motion is run with FEM, and Gauss-Newton's method "
+    "finds the numbers for which it is nearest to the file, by exact derivatives along the run. Standard errors follow "
+    "from what is left, as if it were noise of every row apart. A number that the file cannot tell is named, and "
+    "stays.\n\n"
+    "[bold]Examples[/bold]\n\n"
+    "softseam fit my.yaml squeeze.csv\n\n"
+    "softseam fit my.yaml squeeze.csv --find young,friction --out fitted.yaml\n\n"
+    "softseam fit my.yaml drag.csv --find friction.plate --set body.material.young=12e3"
+)
+
+
+def fit(
+    scene: SceneArgument,
+    curve: Annotated[Path, typer.Argument(metavar="CURVE", help="Measured forces, a .csv file.")],
+    find: Annotated[
+        str, typer.Option(metavar="NAMES", help="What to find: young, friction (of all tools), friction.TOOL.")
+    ] = "young",
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the fitted scene to this .yaml file.")] = None,
+    runs: Annotated[int, typer.Option(metavar="N", help="Most runs of the scene.")] = 10,
+    settings: Settings = None,
+) -> None:
+    """Find a body's stiffness and friction from a measured force, and say how sure they are."""
+    from softseam_studies.fit.command import Wishes, fit_scene
+
+    fit_scene(Wishes(scene, curve, find, out, runs, tuple(settings or ())), Console())
+
+
+SURROGATE = (
+    "[bold]What it does[/bold]\n\n"
+    "The scene's own motion, which is to squeeze a body, is run with FEM for values spread between the bounds of what "
+    "is varied. Polynomials then tell the quantities for any values between them and for any squeeze that all runs "
+    "reach, within microseconds, and with a claim: by how much they may be off, for 95 % of what lies between. In "
+    "Python: Surrogate.read(FILE).at({KEY: VALUE, ...}, squeeze).\n\n"
+    "[bold]Examples[/bold]\n\n"
+    "softseam surrogate my.yaml --vary body.material.young=10e3..40e3 --out my.json\n\n"
+    "softseam surrogate tofu_grasp --vary body.material.young=10e3..40e3 "
+    "--vary tools.left.friction+tools.right.friction=0.3..0.8 --out tofu.json"
+)
+
+
+def surrogate(
+    scene: SceneArgument,
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Write the surrogate to this .json file.")],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=LOW..HIGH", help="What may differ; keys with one value are joined by +. Repeatable."),
+    ] = None,
+    of: Annotated[
+        str, typer.Option("--of", metavar="QUANTITIES", help="What is told, of `softseam quantities`.")
+    ] = "grip_force,peak_von_mises",
+    runs: Annotated[int, typer.Option(metavar="N", help="Runs of the scene.")] = 64,
+    settings: Settings = None,
+) -> None:
+    """Run a squeeze many times beforehand; a formula then tells force and stress in microseconds, with its error."""
+    from softseam_studies.surrogate.command import Wishes, make_surrogate
+
+    make_surrogate(Wishes(scene, tuple(vary or ()), out, of, runs, tuple(settings or ())), Console())
