@@ -14,6 +14,8 @@ from softseam.errors import missing_extra
 
 HEAVY = ("numba", "llvmlite", "scipy", "igl", "rerun", "zenoh", "pyarrow", "matplotlib", "meshio", "mcap")
 
+OTHERS = ("softseam_services", "softseam_coupling", "softseam_studies")
+
 
 def python(code: str, *flags: str) -> str:
     done = subprocess.run(
@@ -24,11 +26,12 @@ def python(code: str, *flags: str) -> str:
 
 
 def test_import_loads_nothing_heavy() -> None:
-    """`import softseam`, and even the names behind `softseam.open`, load neither solvers nor viewers nor the bus."""
+    """`import softseam`, and even the names behind `softseam.open`, load neither solvers nor viewers nor the bus
+    nor studies."""
     for code in ("import softseam", "import softseam; softseam.open, softseam.Scene, softseam.Observation"):
         loaded = json.loads(python(f"{code}\nimport json, sys; print(json.dumps(sorted(sys.modules)))"))
         assert not [name for name in HEAVY if name in loaded]
-        assert not [name for name in loaded if name.startswith(("softseam_services", "softseam_coupling"))]
+        assert not [name for name in loaded if name.startswith(OTHERS)]
 
 
 def test_import_is_quick() -> None:

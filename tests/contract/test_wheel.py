@@ -29,8 +29,9 @@ def test_contents(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     top = {name.partition("/")[0] for name in names}
     assert all(name.startswith("softseam") for name in top), top
-    assert {"softseam", "softseam_protocol", "softseam_coupling", "softseam_services"} <= top
-    for package in ("softseam", "softseam_protocol", "softseam_coupling", "softseam_services"):
+    packages = {"softseam", "softseam_protocol", "softseam_coupling", "softseam_services", "softseam_studies"}
+    assert packages <= top
+    for package in packages:
         assert f"{package}/py.typed" in names
     assert "softseam_scenes/tofu_grasp.yaml" in names and "softseam_scenes/references/tofu_grasp.json" in names
     assert any(name.endswith("licenses/LICENSE") for name in names)
@@ -65,7 +66,7 @@ def test_works_installed(wheel: Path, tmp_path: Path) -> None:
 
     told = softseam("--help")
     assert told.returncode == 0, told.stderr
-    assert "softseam demo" in told.stdout
+    assert "softseam demo" in told.stdout and " chart " in told.stdout
     refused = softseam("run", "no_such_scene")
     assert refused.returncode == 2
     assert "tofu_grasp" in refused.stderr

@@ -9,7 +9,7 @@ HEAD = """# Python
 
 Made from the docstrings by `make pages`. SI units; shapes in brackets. What a session returns is an
 [Observation](#observation); the messages inside it are in [messages.md](messages.md). Examples:
-[Forces in Python](../start/forces-in-python.md), `clients/softseam/examples/`.
+[Forces in Python](../start/forces-in-python.md), `clients/softseam/examples/`, `clients/softseam_studies/examples/`.
 
 **Signs and orders.** `wrench` is what the *body exerts on the tool*, force and torque about the tool's position.
 `contact_force` is the reverse: what the *tools exert on the body* at each surface point, so the forces on all points

@@ -8,16 +8,23 @@ from pathlib import Path
 import pytest
 
 import softseam.examples
+import softseam_studies.examples
 
 APART = {"rllib_lift"}
 """of a process of its own: test_rllib.py"""
-EXAMPLES = sorted({p.stem for p in Path(softseam.examples.__path__[0]).glob("[a-z]*.py")} - APART)
+EXAMPLES = {
+    path.stem: package.__name__
+    for package in (softseam.examples, softseam_studies.examples)
+    for path in sorted(Path(package.__path__[0]).glob("[a-z]*.py"))
+    if path.stem not in APART
+}
+"""by name, the package of each"""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_example_runs(name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    example = importlib.import_module(f"softseam.examples.{name}")
+    example = importlib.import_module(f"{EXAMPLES[name]}.{name}")
     if name == "learn_grip":
         for size, small in (("GENERATIONS", 2), ("CANDIDATES", 6), ("PIECES", range(2)), ("OTHERS", range(100, 102))):
             monkeypatch.setattr(example, size, small)  # learning it takes half a minute
