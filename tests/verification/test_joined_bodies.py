@@ -211,3 +211,19 @@ def test_a_kind_that_makes_no_rows_fails_at_start() -> None:
             softseam.open(tower(("fem", "fem")))
     finally:
         INTERFACES.remove("forgotten")
+
+
+@pytest.mark.parametrize("models", PAIRS)
+def test_bodies_that_swing_about_one_another_keep_their_turning(models: tuple[str, str]) -> None:
+    """At 15 rad/s about one another, beside spins of their own: angular momentum to 1e-6 in a second at 10 ms."""
+    spring = {"kind": "spring", "stiffness": 200.0}
+    scene = tower(models, 0.0, spring, gravity=[0, 0, 0], tools={}, step=0.01, duration=1.0)
+    moves = {"cube0": (-0.3, 0.0, 0.0), "cube1": (0.3, 0.0, 0.0)}
+    many = {
+        name: body.model_copy(update={"spin": (0.0, 12.0, 3.0), "velocity": moves[name]})
+        for name, body in scene.many.items()
+    }
+    reports = run(scene.model_copy(update={"many": many}))
+    size = float(np.linalg.norm(reports[0].angular_momentum))
+    drift = np.array([report.angular_momentum - reports[0].angular_momentum for report in reports])
+    assert np.abs(drift).max() < 1e-6 * size

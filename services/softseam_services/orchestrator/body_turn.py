@@ -8,7 +8,7 @@ may have begun with the correction of the one before (`step_ahead`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,6 +35,8 @@ Floats = NDArray[np.float64]
 Joint = tuple[Floats, Floats, Floats]
 """nodes on which other bodies act, as a step begins and as it ends, and the forces there (n, 3) [m], [m], [N]"""
 
+LATE = "fem"
+"""the model whose forces act as a step ends"""
 _NOTHING = np.zeros(0)
 _N_CHANGE = 6
 
@@ -94,20 +96,11 @@ class BodyTurn:
             return told
         mass, end = start[MASS], self._sums
         before, centre = start[PLACE:MOTION] / mass, end[PLACE:MOTION] / mass
-        push, torque = mass * gravity, np.zeros(3)
-        for name, reply in replies.items():
-            # FEM's forces act as a step ends, XPBD's over it
-            late = models[name] == "fem"
-            arm = motion.position_next - centre
-            if not late:
-                arm = 0.5 * (motion.position + motion.position_next) - 0.5 * (before + centre)
-            push = push - reply.wrench[:, :3].sum(axis=0)
-            torque -= (reply.wrench[:, 3:] + np.cross(arm, reply.wrench[:, :3])).sum(axis=0)
-            if joints is not None:
-                began, ended, force = joints[name]
-                at = ended - centre if late else 0.5 * (began + ended) - 0.5 * (before + centre)
-                push = push + force.sum(axis=0)
-                torque += np.cross(at, force).sum(axis=0)
+        push, torque = of_tools(replies, models, motion, before, centre)
+        push = push + mass * gravity
+        for name, (began, ended, force) in ({} if joints is None else joints).items():
+            at = ended - centre if models[name] == LATE else 0.5 * (began + ended) - 0.5 * (before + centre)
+            push, torque = push + force.sum(axis=0), torque + np.cross(at, force).sum(axis=0)
         momentum = start[MOTION:ANGULAR] + dt * push
         spin, _ = spin_and_inverse(start)
         found, inverse = spin_and_inverse(end)
@@ -117,6 +110,21 @@ class BodyTurn:
         self._sums[MOTION:ANGULAR] = momentum
         self._sums[ANGULAR:SECOND] = spin + dt * torque + np.cross(centre, momentum)
         return {name: _changed(reply, centre, turn, shift) for name, reply in told.items()}
+
+    @property
+    def sums(self) -> Floats:
+        """Of all its nodes, as the next step makes them; NaN: it is not followed."""
+        return self._sums
+
+    def turned_with(self, replies: Mapping[str, Advanced], turn: Floats, shift: Floats) -> dict[str, Advanced]:
+        """The replies where the body is given this angular velocity about its centre [rad/s], and velocity [m/s]."""
+        mass, centre = self._sums[MASS], self._sums[PLACE:MOTION] / self._sums[MASS]
+        self._change = self._change + np.concatenate([turn, shift])
+        self._sums[MOTION:ANGULAR] += mass * shift
+        self._sums[ANGULAR:SECOND] += np.linalg.inv(spin_and_inverse(self._sums)[1]) @ turn + mass * np.cross(
+            centre, shift
+        )
+        return {name: _changed(reply, centre, turn, shift) for name, reply in replies.items()}
 
     def seen(self, fields: dict[str, Fields]) -> dict[str, Fields]:
         """The parts' fields, with velocities that the next step begins with."""
@@ -134,6 +142,46 @@ class BodyTurn:
         if array.shape != (N_SUMS + _N_CHANGE + 1,):
             raise ValueError("it does not tell how the body turns")
         self._sums, self._change, self._turns = array[:N_SUMS].copy(), array[N_SUMS:-1].copy(), bool(array[-1])
+
+
+def of_tools(
+    replies: Mapping[str, Advanced], models: Mapping[str, str], motion: ToolMotion, before: Floats, centre: Floats
+) -> tuple[Floats, Floats]:
+    """Force (3,) [N] of the tools on parts that answered so, and its torque about their centre [N m], which goes from
+    `before` to `centre` (3,) [m]. FEM's forces act as a step ends, XPBD's over it."""
+    push, torque = np.zeros(3), np.zeros(3)
+    for name, reply in replies.items():
+        arm = motion.position_next - centre
+        if models[name] != LATE:
+            arm = 0.5 * (motion.position + motion.position_next) - 0.5 * (before + centre)
+        push = push - reply.wrench[:, :3].sum(axis=0)
+        torque -= (reply.wrench[:, 3:] + np.cross(arm, reply.wrench[:, :3])).sum(axis=0)
+    return push, torque
+
+
+def turn_about_one_another(
+    begun: Sequence[Floats],
+    ended: Sequence[Floats],
+    replies: Mapping[str, Advanced],
+    models: Mapping[str, str],
+    motion: ToolMotion,
+    dt: float,
+) -> tuple[Floats, Floats]:
+    """What bodies that are joined lose of their turning about their common centre in a step of dt [s]: an angular
+    velocity that gives it back [rad/s], and that centre [m].
+
+    Each body's momentum is right, and its spin; but its place goes by the velocity that the step ends with, and forces
+    between models act at other times of it. begun, ended: sums of each body, as the step began and ended.
+    """
+    first, last = np.sum(begun, axis=0), np.sum(ended, axis=0)
+    none = np.zeros(3)
+    if not (np.isfinite(last).all() and dt * rate_of(first) > LEAST_TURN):
+        return none, none
+    before, centre = first[PLACE:MOTION] / first[MASS], last[PLACE:MOTION] / last[MASS]
+    _, torque = of_tools(replies, models, motion, before, centre)
+    spin, _ = spin_and_inverse(first)
+    found, inverse = spin_and_inverse(last)
+    return inverse @ (spin + dt * torque - found), centre
 
 
 def _keeps_momentum(scene: Scene) -> bool:

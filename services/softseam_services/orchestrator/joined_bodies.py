@@ -21,7 +21,8 @@ from softseam_protocol.messages.session import InterfaceReport
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.errors import SettingError
-from softseam_services.orchestrator.body_turn import BodyTurn
+from softseam_services.body.kernels.turning import MASS, MOTION, PLACE
+from softseam_services.orchestrator.body_turn import BodyTurn, turn_about_one_another
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.participants import Kept, StepFailed
 from softseam_services.orchestrator.sides import part_mesh, resting_state
@@ -216,6 +217,7 @@ class JoinedBodies:
         replies = dict(solution.replies)
         forces = self._forces(interfaces, solution.multipliers)
         after = {name: replies[self._part(name)].seam_x for name in self.members}
+        began = [turn.sums.copy() for turn in self._turns.values()]
         for name, member in self.members.items():
             part = self._part(name)
             joint = {part: (self._x[name], after[name], forces[name])}
@@ -223,6 +225,14 @@ class JoinedBodies:
             gravity = np.array(self._scene.gravity)
             replies |= self._turns[name].end(own, member.sides.models, motion, dt, gravity, joint)
             member.end_step()
+        ended = [turn.sums for turn in self._turns.values()]
+        models = {part: model for each in self.members.values() for part, model in each.sides.models.items()}
+        turn, centre = turn_about_one_another(began, ended, solution.replies, models, motion, dt)
+        if turn.any():
+            for name, one in self._turns.items():
+                part = self._part(name)
+                shift = np.cross(turn, one.sums[PLACE:MOTION] / one.sums[MASS] - centre)
+                replies |= one.turned_with({part: replies[part]}, turn, shift)
         self._commit(interfaces, solution, after, dt)
         return replace(solution, replies=replies)
 
