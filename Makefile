@@ -36,7 +36,7 @@ plans: $(VENV)/.dev ## regenerate docs/results/plans.md: are plans right, and as
 	@PYTHONPATH=tests $(PY) tests/benchmarks/plans.py
 
 atlas: $(VENV)/.dev ## regenerate docs/results/atlas.md: stability where methods fail
-	@$(PY) tests/benchmarks/atlas.py
+	@PYTHONPATH=tests $(PY) tests/benchmarks/atlas.py
 
 claims: $(VENV)/.dev ## regenerate docs/results/claims.md: do claims of runs hold?
 	@PYTHONPATH=tests $(PY) tests/benchmarks/claims.py

@@ -8,18 +8,21 @@ XPBD is.
 from __future__ import annotations
 
 import itertools
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.linear_study.gravouil_combescure import GravouilCombescure
-from softseam_coupling.linear_study.integrators import LinearSide
-from softseam_coupling.linear_study.position_constant import PositionConstant
-from softseam_coupling.linear_study.prakash_hjelmstad import PrakashHjelmstad
-from softseam_coupling.linear_study.split import Scheme, Split, spectral_radius
-from softseam_coupling.linear_study.velocity_constant import VelocityConstant
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from analysis.linear_study.gravouil_combescure import GravouilCombescure
+from analysis.linear_study.integrators import LinearSide
+from analysis.linear_study.position_constant import PositionConstant
+from analysis.linear_study.prakash_hjelmstad import PrakashHjelmstad
+from analysis.linear_study.split import Scheme, Split, spectral_radius
+from analysis.linear_study.velocity_constant import VelocityConstant
 
 SCHEMES: dict[str, Scheme] = {
     "position, constant multiplier": PositionConstant(),

@@ -12,7 +12,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from overlap_bar import linear, reflected, sharp_seam
+from analysis.overlap_bar import linear, reflected, sharp_seam
 
 RATIO = 4
 LAYERS = (1, 2, 4, 8)

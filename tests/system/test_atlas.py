@@ -13,13 +13,12 @@ from rich.console import Console
 from softseam.errors import BadInput
 from softseam_studies.atlas import atlas as registry
 from softseam_studies.atlas.command import Wishes, atlas
-from softseam_studies.atlas.maps import impact, iterations, messages, poisson, seam, shapes, slope, squeeze, step, tools
+from softseam_studies.atlas.maps import impact, iterations, messages, poisson, shapes, slope, squeeze, step, tools
 
 TINY = {
     "step": partial(step.build, (0.01,), (1e4,)),
     "poisson": partial(poisson.build, (0.3, 0.4999), ("hex8_full", "hex8", "hex27")),
     "iterations": partial(iterations.build, (1, 4, 32), (2, 64)),
-    "seam": partial(seam.build, (0.1, 10.0)),
     "squeeze": partial(squeeze.build, (0.1, 0.5), (0.03,)),
     "tools": partial(tools.build, ("ball 10", "box 12"), (10.0,)),
     "shapes": partial(shapes.build, ("star",), (6.0,)),
@@ -73,7 +72,7 @@ def test_every_cell_is_explained_and_drawn(tiny: Path, cells: Cells) -> None:
 
 @pytest.mark.slow
 def test_controls_fail_in_the_map_itself(cells: Cells) -> None:
-    """Locking, stiffness that follows iterations, energy across the seam; and what cures them holds."""
+    """Locking, and stiffness that follows iterations; and what cures them holds."""
     locked = cells["poisson", "Bonded squeeze: force", "0.4999", "hex8_full (control)"]
     assert (
         locked["kind"] == "inaccurate" and locked["error"] > 10.0 and any("element" in told for told in locked["told"])
@@ -85,12 +84,6 @@ def test_controls_fail_in_the_map_itself(cells: Cells) -> None:
     assert cells["iterations", "Rope, classic, per substep", "32", "k 0.3"]["kind"] == "accurate"
     soft = cells["iterations", "Rope, XPBD", "1", "5000 N"]
     assert soft["kind"] == "inaccurate" and not soft["silent"], "unmet constraints are told"
-    seams = {
-        row: cell["kind"] for (name, title, column, row), cell in cells.items() if name == "seam" and column == "10"
-    }
-    assert seams["position, constant; implicit euler"] == "accurate"
-    assert seams["position, constant; newmark"] == "refused"
-    assert seams["velocity, constant; midpoint (control)"] == "unstable"
 
 
 @pytest.mark.slow

@@ -121,18 +121,6 @@ def test_the_bus_changes_no_bit(
     assert first_difference([observation.report], reports[-1:]) == ""
 
 
-def test_a_ramped_multiplier_changes_no_bit_on_the_bus(services: Services, bus: Bus, bar: Bundle) -> None:
-    """seam.scheme: ph, with an integrator that only it admits."""
-    scene = with_settings(parse_scene(bar.scene), ["seam.scheme=ph", "models.fem.integrator=generalised_alpha"])
-    bundle = bundle_scene(scene)
-    reports, observation, _ = run(services, bus, bundle)
-    simulation = Simulation(bundle, EmbeddedTransport())
-    alone = [simulation.step(fields=n == STEPS - 1) for n in range(STEPS)]
-    assert first_difference(alone, reports) == ""
-    assert observation.frames and same_frame(simulation.frame(), observation.frames["body"])
-    simulation.close()
-
-
 def test_a_sheet_is_gripped_the_same_over_the_bus(services: Services, bus: Bus) -> None:
     """Folded by a gripper while PBD's process is killed: reports, stretch and the last frame, bit for bit."""
     bundle = bundle_scene(parse_scene(FOLD))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from analysis.linear_study.integrators import LinearSide
+from analysis.linear_study.position_constant import PositionConstant
+from analysis.linear_study.split import Scheme, Split, run
+from analysis.linear_study.velocity_constant import VelocityConstant
 from numpy.testing import assert_allclose
 
 from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
-from softseam_coupling.linear_study.integrators import LinearSide
-from softseam_coupling.linear_study.position_constant import PositionConstant
-from softseam_coupling.linear_study.split import Scheme, Split, run
-from softseam_coupling.linear_study.velocity_constant import VelocityConstant
 
 
 def test_balance_of_a_step() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput
-from softseam_studies.atlas.maps import impact, iterations, messages, poisson, seam, shapes, slope, squeeze, step, tools
+from softseam_studies.atlas.maps import impact, iterations, messages, poisson, shapes, slope, squeeze, step, tools
 from softseam_studies.atlas.maps.grid import Cell, Map
 from softseam_studies.atlas.verdicts import KINDS, Kind, Verdict
 from softseam_studies.study.configurations import Configuration
@@ -21,7 +21,6 @@ MAPS: dict[str, Callable[[], Map]] = {
     "step": step.build,
     "poisson": poisson.build,
     "iterations": iterations.build,
-    "seam": seam.build,
     "squeeze": squeeze.build,
     "tools": tools.build,
     "shapes": shapes.build,

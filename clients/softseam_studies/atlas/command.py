@@ -27,7 +27,6 @@ from softseam_studies.study.store import Store
 
 ATLAS_VERSION = 1
 PITFALLS = "pitfalls"
-NAMES = (*MAPS, PITFALLS)
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ def atlas(wishes: Wishes, console: Console) -> Found:
         long_run.long_run(store, folder, console)
         return Found((), ())
     began = perf_counter()
-    names = wishes.maps or NAMES
+    names = wishes.maps or _names()
     if wishes.fresh:
         for name in names:
             forget(store, name if name in MAPS else pitfalls.PREFIX)
@@ -83,13 +82,19 @@ def atlas(wishes: Wishes, console: Console) -> Found:
     return found
 
 
+def _names() -> tuple[str, ...]:
+    """All that can be asked for: maps may have been added from outside."""
+    return (*MAPS, PITFALLS)
+
+
 def _check(wishes: Wishes) -> None:
     """Raise BadInput where the wishes do not go together."""
+    names = _names()
     for name in wishes.maps:
-        if name not in NAMES:
-            near = difflib.get_close_matches(name, NAMES, 1)
+        if name not in names:
+            near = difflib.get_close_matches(name, names, 1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise BadInput(f"no map is called {name!r}{hint} (there are: {', '.join(NAMES)})")
+            raise BadInput(f"no map is called {name!r}{hint} (there are: {', '.join(names)})")
     if wishes.long and wishes.maps:
         raise BadInput(f"--long is a run of its own, beside the maps: leave out {' '.join(wishes.maps)}, or --long")
 

@@ -7,14 +7,13 @@ and gap. `LOOPS` (`softseam_coupling.loops`) has the loops by the names that `se
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.accelerations.memory import Acceleration
 from softseam_coupling.interface import Interface
 from softseam_coupling.kernels.largest_node import largest_node
 from softseam_protocol.messages.participant import Advanced, Capabilities
@@ -33,6 +32,7 @@ __all__ = [
     "StepDiverged",
     "StepRefused",
     "Unsuited",
+    "ask_compliance_of",
     "largest",
 ]
 
@@ -134,15 +134,27 @@ class LoopSetup:
     """most that a step takes"""
     first: Floats | None = None
     """multipliers that belong to the parts' state (c, 3) [N]; None: zero"""
-    acceleration: Acceleration | None = None
-    """by which multipliers are found; None: by the compliance that parts report"""
+
+
+def ask_compliance_of(parts: Iterable[str], capabilities: Mapping[str, Capabilities]) -> None:
+    """Raise Unsuited where one of these parts does not tell how it yields."""
+    for name in parts:
+        able = capabilities.get(name)
+        if able is None or not able.compliance:
+            raise Unsuited(
+                f"part {name!r} tells no compliance, by which it is to be coupled: its participant must tell it "
+                "(Capabilities.compliance, Advanced.compliance; see docs/guide/write-a-participant.md)"
+            )
 
 
 class Loop(Protocol):
     """Couples parts for one epoch. Everything that evolves goes through `to_arrays` and `take`."""
 
     def begin(self, capabilities: Mapping[str, Capabilities]) -> None:
-        """The parts are configured, and can do so much; called after `take`, if at all, and before the first step."""
+        """The parts are configured, and can do so much; called after `take`, if at all, and before the first step.
+
+        Raises Unsuited where they cannot do what the loop asks for.
+        """
 
     def multipliers(self) -> Floats:
         """The last committed ones (c, 3) [N]."""

@@ -39,6 +39,7 @@ from softseam_coupling.loops.loop import (
     PartRequest,
     StepDiverged,
     StepRefused,
+    ask_compliance_of,
     largest,
 )
 from softseam_coupling.prediction import Prediction
@@ -100,7 +101,7 @@ class _Linearity:
 
 
 class OneWay:
-    """A `Loop`: the default. Raises no Unsuited: any number of parts may meet at any interfaces."""
+    """A `Loop`: the default. Any number of parts may meet at any interfaces, if all tell their compliance."""
 
     def __init__(self, setup: LoopSetup) -> None:
         self._setup = setup
@@ -117,7 +118,9 @@ class OneWay:
         self._dt = 0.0  # of the last step, 0 before the first [s]
 
     def begin(self, capabilities: Mapping[str, Capabilities]) -> None:
-        """The parts are configured. Raises ValueError where what was taken is of parts that can do other things."""
+        """The parts are configured. Raises Unsuited where one tells no compliance, ValueError where what was taken is
+        of parts that can do other things."""
+        ask_compliance_of(self._parts, capabilities)
         self._capabilities = capabilities
         able = (name for name, part in self._parts.items() if part.sign and capabilities[name].impedance)
         self._impedance_part = None if self._closure.presses else next(able, None)

@@ -2,11 +2,11 @@
 
 Part b of the interface takes the step with the last multiplier. Part a is then put where b's nodes went,
 
-    w_a x_a(lambda) = w_b x_b + offset,   by lambda -= H_a^-1 (x_a(lambda) - w_b x_b - offset),                (1)
+    w_a x_a(lambda) = w_b x_b + offset,   by lambda -= H_a^-1 (w_a x_a(lambda) - w_b x_b - offset),            (1)
 
 an iteration that asks part a alone; what holds it there is the next multiplier. Positions agree, forces lag by a step,
-so that an error of the multiplier becomes -H_a^-1 H_b times itself, in short steps minus the ratio of the masses
-(`softseam_coupling.linear_study.staggered`). Where that grows the run ends with an error.
+so that an error of the multiplier becomes -H_a^-1 H_b times itself, in short steps minus the ratio of the masses. Where
+that grows the run ends with an error.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.loops.coupled_part import gap_of, parts_of
-from softseam_coupling.loops.fixed_point import FixedPoint
+from softseam_coupling.loops.coupled_part import HARDLY, gap_of, parts_of
 from softseam_coupling.loops.loop import (
     Ask,
     Correct,
@@ -27,13 +26,17 @@ from softseam_coupling.loops.loop import (
     PartRequest,
     StepDiverged,
     Unsuited,
+    ask_compliance_of,
     largest,
 )
+from softseam_coupling.prediction import Prediction
 from softseam_protocol.messages.outcomes import Status
 from softseam_protocol.messages.participant import Capabilities
 
 Floats = NDArray[np.float64]
 
+_STALE = 0.5
+"""share of the gap that a try may leave of the one before; else part a's compliance is found anew [1]"""
 _GROWN, _STEPS = 1e3, 3
 """the multiplier's changes from step to step alternate and grow: so much in all, over at least so many steps, is no
 oscillation of the body's [1]"""
@@ -50,8 +53,6 @@ class Staggered:
                 f"staggered couples two parts at one interface, not {parts} at {interfaces}: use "
                 "seam: {scheme: position}"
             )
-        if setup.acceleration is not None:
-            raise Unsuited("staggered puts a part by its compliance: leave out seam.acceleration")
         self._setup = setup
         self._parts, self._offset = parts_of(setup.interfaces, {name: len(m) for name, m in setup.mobility.items()})
         self._put, self._free = setup.interfaces[0].parts
@@ -60,41 +61,44 @@ class Staggered:
                 f"staggered puts all coupling nodes of {self._put!r}, of which this interface has some only: use "
                 "seam: {scheme: position}"
             )
-        alone = {self._put: self._parts[self._put]}
-        self._found = FixedPoint(alone, setup.mobility, setup.first, None)
+        first = np.zeros_like(self._offset) if setup.first is None else setup.first
+        self._multipliers = Prediction(len(first), first)
+        self._stiffness = np.zeros((self._offset.size, self._offset.size))  # H_a^-1 of eq. (1) [N/m]
+        self._dt, self._asks = 0.0, True  # of the last step [s]; whether part a is to report H_a
         self._change = np.zeros(self._offset.size)
         self._grown, self._n_grown = 1.0, 0
 
     def begin(self, capabilities: Mapping[str, Capabilities]) -> None:
-        """Steps of this loop are not corrected."""
+        """The parts are configured. Raises Unsuited where part a tells no compliance."""
+        ask_compliance_of([self._put], capabilities)
 
     def multipliers(self) -> Floats:
         """The last committed ones (c, 3) [N]."""
-        return self._found.last
+        return self._multipliers.last
 
     def solve(self, ask: Ask, correct: Correct, dt: float, may_refuse: bool = False) -> Outcome:
         """Part b's step, then part a's. A shorter step would not help, so that none is refused."""
-        last, multipliers = self._found.last, self._found.begin(dt)
+        if dt != self._dt:
+            self._dt, self._asks = dt, True
+        last, multipliers, before = self._multipliers.last, self._multipliers.predict(dt), math.inf
         put, free = self._parts[self._put], self._parts[self._free]
         other = ask({self._free: PartRequest(free.force(last))})[self._free]
         for exchange in range(2, self._setup.exchanges + 1):
-            asked = self._found.asks
-            reply = ask({self._put: PartRequest(put.force(multipliers), asked)})[self._put]
-            if asked and reply.compliance.size:
-                self._found.set_compliance(reply.compliance)
+            reply = ask({self._put: PartRequest(put.force(multipliers), self._asks)})[self._put]
+            if self._asks and reply.compliance.size and np.isfinite(reply.compliance).all():
+                self._stiffness, self._asks, before = _inverse(reply.compliance), False, math.inf
             left = gap_of(self._parts, {self._put: reply.seam_x, self._free: other.seam_x}, self._offset)
             gap = largest(left)
             if not math.isfinite(gap):
                 break
-            known = not self._found.asks
-            proposed = self._found.next(multipliers, left)
-            if gap <= self._setup.tolerance and known:
+            if gap <= self._setup.tolerance:
                 self._watch((multipliers - last).reshape(-1))
-                self._found.commit(multipliers)
+                self._multipliers.commit(multipliers, dt)
                 return Outcome({self._put: reply, self._free: other}, multipliers, gap, exchange)
             if reply.status is not Status.CONVERGED:
                 break
-            multipliers = proposed
+            self._asks, before = self._asks or gap > _STALE * before, gap
+            multipliers = multipliers - (self._stiffness @ left.reshape(-1)).reshape(-1, 3)  # eq. (1)
         raise StepDiverged(f"staggered: {self._put} cannot be put where {self._free} went: {_REMEDY}")
 
     def _watch(self, change: Floats) -> None:
@@ -118,11 +122,26 @@ class Staggered:
     def to_arrays(self) -> dict[str, Floats]:
         """Everything that evolves, for a snapshot."""
         numbers = np.array([self._grown, self._n_grown], dtype=np.float64)
-        return {**self._found.to_arrays(), "change": self._change.copy(), "numbers": numbers}
+        return {
+            **{f"multipliers_{key}": array for key, array in self._multipliers.to_arrays().items()},
+            "stiffness": self._stiffness.copy(),
+            "asks": np.array([self._dt, self._asks]),
+            "change": self._change.copy(),
+            "numbers": numbers,
+        }
 
     def take(self, arrays: Mapping[str, Floats]) -> None:
         """Continue from `to_arrays`. Raises KeyError or ValueError where these are of others."""
-        self._found.take(arrays)
-        self._change[:] = arrays["change"]
+        self._multipliers.take({key: arrays[f"multipliers_{key}"] for key in ("kept", "numbers")})
+        self._stiffness[:], self._change[:] = arrays["stiffness"], arrays["change"]
+        dt, asks = arrays["asks"].tolist()
+        self._dt, self._asks = dt, bool(asks)
         grown, n_grown = arrays["numbers"].tolist()
         self._grown, self._n_grown = grown, int(n_grown)
+
+
+def _inverse(compliance: Floats) -> Floats:
+    """Of the symmetric part of a compliance (3n, 3n) [m/N], and a little more of its diagonal [N/m]."""
+    h = 0.5 * (compliance + compliance.T)
+    h.flat[:: len(h) + 1] += HARDLY * np.trace(h) / len(h)
+    return np.asarray(np.linalg.inv(h))

@@ -10,8 +10,6 @@ from softseam_protocol.table import Table
 ModelKind = Literal["fem", "pbd"]
 SeamScheme = str
 """a row of SCHEMES"""
-SeamAcceleration = str
-"""a row of ACCELERATIONS"""
 MaterialKind = str
 """a row of scene.materials.MATERIALS"""
 ElementKind = str
@@ -69,39 +67,23 @@ class SchemeFacts:
                      multipliers; '' where it has a row of its own in IntegratorFacts.seams
     least_exchanges  that a step needs, where it settles at all
     why_exchanges    what they are for
-    only_exact       why there is no choice of acceleration; '' where there is
     """
 
     like: str = ""
     least_exchanges: int = 1
     why_exchanges: str = ""
-    only_exact: str = ""
 
 
 SCHEMES: Table[SchemeFacts] = Table(
     "seam schemes",
     {
         "position": SchemeFacts(),
-        "ph": SchemeFacts(),
         "staggered": SchemeFacts(
-            least_exchanges=3,
-            why_exchanges="asks the far side once and the near side twice at least",
-            only_exact="puts the near side by its exact compliance",
+            least_exchanges=3, why_exchanges="asks the far side once and the near side twice at least"
         ),
     },
 )
 """what a scene says of a coupling loop; the coupling builds it (softseam_coupling.loops.LOOPS)"""
-
-
-@dataclass(frozen=True)
-class AccelerationFacts:
-    """Of how multipliers are found; there is nothing to say of it yet but that there is one."""
-
-
-ACCELERATIONS: Table[AccelerationFacts] = Table(
-    "seam accelerations", {name: AccelerationFacts() for name in ("exact", "iqn_ils", "aitken", "constant")}
-)
-"""what a scene may say of how multipliers are found; the coupling has them (softseam_coupling.accelerations)"""
 
 
 @dataclass(frozen=True)
@@ -127,15 +109,14 @@ class IntegratorFacts:
     moves: bool = True
 
 
-_EVERY: frozenset[SeamScheme] = frozenset({"position", "ph", "staggered"})
 INTEGRATORS: Table[IntegratorFacts] = Table(
     "integrators",
     {
-        "implicit_euler": IntegratorFacts(_EVERY, meets_tools=True, viscous=True),
-        "midpoint": IntegratorFacts(frozenset({"position", "ph"}), meets_tools=True, viscous=True, radius=True),
-        "bdf2": IntegratorFacts(frozenset({"ph"}), meets_tools=True),
-        "newmark": IntegratorFacts(frozenset({"ph"})),
-        "generalised_alpha": IntegratorFacts(frozenset({"ph"}), meets_tools=True, radius=True),
+        "implicit_euler": IntegratorFacts(frozenset({"position", "staggered"}), meets_tools=True, viscous=True),
+        "midpoint": IntegratorFacts(frozenset({"position"}), meets_tools=True, viscous=True, radius=True),
+        "bdf2": IntegratorFacts(meets_tools=True),
+        "newmark": IntegratorFacts(),
+        "generalised_alpha": IntegratorFacts(meets_tools=True, radius=True),
         "symplectic_euler": IntegratorFacts(
             no_seam="it solves no equations", no_error="divides steps by what is stable"
         ),
@@ -166,8 +147,6 @@ def integrator_problem(name: IntegratorKind, seam: SeamScheme | None, tools: boo
     if seam is not None and seam not in facts.seams:
         *most, last = [other for other, able in INTEGRATORS.items() if seam in able.seams]
         use = f"{', '.join(most)} or {last}" if most else last
-        if "ph" in facts.seams:
-            use += ", or seam: {scheme: ph}"
         why = facts.no_seam or _GIVES_ENERGY.get(seam, _NOT_FOUND)
         return f"{name} cannot meet a seam, {why}: use {use}, or give all cells to fem without regions.near"
     if tools and not facts.meets_tools:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.accelerations import ACCELERATIONS
 from softseam_coupling.interface import Interface
 from softseam_coupling.loops import LOOPS
 from softseam_coupling.loops.loop import Loop, LoopSetup
@@ -59,6 +58,5 @@ def couple(seam: SeamSpec, body: Body, sides: Sides, tie: SeamTie, first: Floats
         cell=body.resolution,
         exchanges=seam.exchanges,
         first=first,
-        acceleration=ACCELERATIONS[seam.acceleration](),
     )
     return Coupling(LOOPS[seam.scheme](setup))

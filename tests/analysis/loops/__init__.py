@@ -1,0 +1,1 @@
+"""One file a coupling loop that the product does without; `analysis.rows` names them."""
