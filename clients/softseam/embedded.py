@@ -346,6 +346,7 @@ def _translate(error: BaseException, opening: bool) -> None:
     from softseam_protocol.table import MissingRow
     from softseam_services.body.errors import MeshError, RowError, SettingError
     from softseam_services.orchestrator.archive import ArchiveError
+    from softseam_services.orchestrator.coupling import Unsuited
     from softseam_services.orchestrator.participants import StepFailed
     from softseam_services.orchestrator.rollout import NotDifferentiable
     from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
@@ -355,7 +356,7 @@ def _translate(error: BaseException, opening: bool) -> None:
     refused = opening and isinstance(error, ParticipantFailed) and error.failure.kind == FailureKind.INVALID
     if refused or isinstance(error, SceneError | MeshError | ToolError | SettingError):
         raise SceneRefused(str(error)) from error
-    if isinstance(error, MissingRow | RowError | NotDifferentiable):
+    if isinstance(error, MissingRow | RowError | NotDifferentiable | Unsuited):
         raise BadInput(str(error)) from error
     if isinstance(error, ArchiveError):
         raise BadSnapshot(str(error)) from error

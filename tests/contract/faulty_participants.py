@@ -290,6 +290,11 @@ FAULTS: list[tuple[str, str, Callable[[], Participant]]] = [
     ("rigid_motion", "no strain energy", lambda: Faulty(_pulled)),
     ("uniform_stress", "a force of E strain area", lambda: Faulty(_lopsided)),
     ("uniform_stress", "a force of E strain area", lambda: Faulty(_on_state(_deaf))),
+    (
+        "compliance_definite",
+        "Capabilities.compliance: true",
+        changed(Configured, capabilities=lambda able: replace(able, compliance=False)),
+    ),
     ("compliance_definite", "no negative eigenvalue", changed(Advanced, compliance=lambda H: -H)),
     ("compliance_definite", "a symmetric compliance", changed(Advanced, compliance=np.triu)),
     ("compliance_definite", "a compliance of shape (27, 27)", changed(Advanced, compliance=lambda _: NONE)),

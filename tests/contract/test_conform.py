@@ -111,15 +111,10 @@ def test_no_session_is_left_behind(bus: Bus, endpoint: str) -> None:
 def test_what_is_not_claimed_is_not_checked(bus: Bus, endpoint: str) -> None:
     def less(reply: Configured) -> Configured:
         assert reply.capabilities is not None
-        return replace(reply, capabilities=replace(reply.capabilities, compliance=False, corrects=False))
+        return replace(reply, capabilities=replace(reply.capabilities, corrects=False))
 
     found = rows(bus, endpoint, Faulty(said=altered(Configured, less)))
-    assert [row.name for row in found if row.outcome == NOT_CLAIMED] == [
-        "compliance_definite",
-        "compliance_predicts",
-        "correct",
-        "correct_then",
-    ]
+    assert [row.name for row in found if row.outcome == NOT_CLAIMED] == ["correct", "correct_then"]
     assert FAILED not in {row.outcome for row in found}
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+import softseam
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.pbd.solver import PbdSolver
 
 CUT = {"min": [0.0, -1.0, -1.0], "max": [0.04, 1.0, 1.0]}
 
@@ -91,6 +94,14 @@ def test_mixed_split_is_close_to_fem(near: str, far: str) -> None:
     split, exchanges, _ = run(beam(near=near, far=far, tolerance=1e-4))
     assert difference(split, whole) < 0.15  # one cell thick: the discretisations differ by several per cent
     assert np.mean(exchanges) <= 4.0
+
+
+def test_a_part_that_tells_no_compliance_is_refused_at_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    able = PbdSolver.capabilities.fget
+    assert able is not None
+    monkeypatch.setattr(PbdSolver, "capabilities", property(lambda solver: replace(able(solver), compliance=False)))
+    with pytest.raises(softseam.BadInput, match=r"part 'body\.far' tells no compliance.*its participant must tell it"):
+        softseam.open(beam(near="fem", far="pbd")).reset()
 
 
 def test_a_gap_that_is_kept_is_told() -> None:

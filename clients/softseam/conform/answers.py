@@ -24,8 +24,11 @@ def _told(part: ExaminedPart, reply: Advanced, before: Floats | None = None) -> 
 
 
 def definite(service: Service) -> None:
-    """The compliance is symmetric and positive definite, where nothing touches the part."""
+    """The compliance, by which parts are coupled, is declared; symmetric and positive definite, where nothing touches
+    the part."""
     part = ExaminedPart(service)
+    able = part.configured.capabilities
+    expect(able is not None and able.compliance, "Capabilities.compliance: true, as parts are coupled by it", "false")
     H = _told(part, part.advance(0, 0, None, compliance=True))
     size = float(np.abs(H).max())
     near("a symmetric compliance", H, H.T, _SYMMETRIC * size)

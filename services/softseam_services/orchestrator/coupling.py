@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from softseam_coupling.interface import Interface
 from softseam_coupling.loops import LOOPS
-from softseam_coupling.loops.loop import Loop, LoopSetup
+from softseam_coupling.loops.loop import Loop, LoopSetup, Unsuited
 from softseam_coupling.mortar import SeamTie
 from softseam_protocol.scene.regions import SeamSpec
 from softseam_services.body.body import Body
@@ -19,6 +19,8 @@ from softseam_services.orchestrator.sides import Sides, side_mass
 from softseam_services.orchestrator.subdivision import Subdivision
 
 Floats = NDArray[np.float64]
+
+__all__ = ["Coupling", "Unsuited", "couple"]
 
 _PACE, _TURN = "pace", "turn"
 """names of those entries among what a loop saves"""
@@ -49,6 +51,8 @@ def couple(seam: SeamSpec, body: Body, sides: Sides, tie: SeamTie, first: Floats
     """Sides as parts, what ties them as an interface, and the loop that the scene asks for.
 
     first  multiplier that belongs to the sides' state (s, 3) [N], zero if absent
+
+    Raises Unsuited where that loop cannot couple them.
     """
     nodes = np.arange(len(sides.seam), dtype=np.int32)
     setup = LoopSetup(
