@@ -85,8 +85,9 @@ class Staggered:
         other = ask({self._free: PartRequest(free.force(last))})[self._free]
         for exchange in range(2, self._setup.exchanges + 1):
             reply = ask({self._put: PartRequest(put.force(multipliers), self._asks)})[self._put]
-            if self._asks and reply.compliance.size and np.isfinite(reply.compliance).all():
-                self._stiffness, self._asks, before = _inverse(reply.compliance), False, math.inf
+            told = reply.compliance
+            if self._asks and told.size and np.isfinite(told).all() and np.trace(told) > 0.0:
+                self._stiffness, self._asks, before = _inverse(told), False, math.inf
             left = gap_of(self._parts, {self._put: reply.seam_x, self._free: other.seam_x}, self._offset)
             gap = largest(left)
             if not math.isfinite(gap):
