@@ -37,6 +37,6 @@ def test_staggered_is_of_two_parts_one_of_which_it_can_put() -> None:
         Chain({"a": part(1), "m": part(3, 6), "b": part(2)}, three, build=build)
     with pytest.raises(Unsuited, match="puts all coupling nodes of 'a', of which this interface has some only"):
         Chain({"a": part(1, 5), "b": part(2)}, two, build=build)
-    with pytest.raises(Unsuited, match="part 'a' tells no compliance"):
+    with pytest.raises(Unsuited, match="part 'a' reports no compliance"):
         Chain({"a": part(1, tells=False), "b": part(2)}, two, build=build)
     Chain({"a": part(1), "b": part(2, tells=False)}, two, build=build).step()  # it asks part a alone

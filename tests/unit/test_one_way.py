@@ -128,10 +128,10 @@ def test_a_step_that_will_not_agree_is_refused_where_it_may_be() -> None:
 
 
 def test_a_part_that_tells_no_compliance_is_refused_by_name_with_the_remedy() -> None:
-    with pytest.raises(Unsuited, match=r"part 'b' tells no compliance.*must tell it.*write-a-participant\.md"):
+    with pytest.raises(Unsuited, match=r"part 'b' reports no compliance.*must report it.*write-a-participant\.md"):
         Chain({"a": part(1), "b": part(2, tells=False)}, [seam("a", "b")])
     chain = pair()
-    with pytest.raises(Unsuited, match="part 'b' tells no compliance"):
+    with pytest.raises(Unsuited, match="part 'b' reports no compliance"):
         OneWay(chain.setup).begin({"a": chain.able["a"]})
 
 

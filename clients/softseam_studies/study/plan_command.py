@@ -135,7 +135,7 @@ def _compiled(wishes: Wishes) -> float:
     """Compile the models that a plan chooses from; returns how long that took [s]."""
     scene, _ = bundle_of(wishes.scene)
     began = perf_counter()
-    if any(isinstance(body, BodySpec) for body in scene.bodies.values()):
+    if "cells" in scene.kinds:
         compile_models(get_args(ModelKind))
     return perf_counter() - began
 

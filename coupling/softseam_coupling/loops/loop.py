@@ -137,12 +137,12 @@ class LoopSetup:
 
 
 def ask_compliance_of(parts: Iterable[str], capabilities: Mapping[str, Capabilities]) -> None:
-    """Raise Unsuited where one of these parts does not tell how it yields."""
+    """Raise Unsuited where one of these parts does not report how it yields."""
     for name in parts:
         able = capabilities.get(name)
         if able is None or not able.compliance:
             raise Unsuited(
-                f"part {name!r} tells no compliance, by which it is to be coupled: its participant must tell it "
+                f"part {name!r} reports no compliance, by which it is to be coupled: its participant must report it "
                 "(Capabilities.compliance, Advanced.compliance; see docs/guide/write-a-participant.md)"
             )
 

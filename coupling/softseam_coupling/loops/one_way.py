@@ -101,7 +101,7 @@ class _Linearity:
 
 
 class OneWay:
-    """A `Loop`: the default. Any number of parts may meet at any interfaces, if all tell their compliance."""
+    """A `Loop`: the default. Any number of parts may meet at any interfaces, if all report their compliance."""
 
     def __init__(self, setup: LoopSetup) -> None:
         self._setup = setup
@@ -118,7 +118,7 @@ class OneWay:
         self._dt = 0.0  # of the last step, 0 before the first [s]
 
     def begin(self, capabilities: Mapping[str, Capabilities]) -> None:
-        """The parts are configured. Raises Unsuited where one tells no compliance, ValueError where what was taken is
+        """The parts are configured. Raises Unsuited where one reports no compliance, ValueError where what was taken is
         of parts that can do other things."""
         ask_compliance_of(self._parts, capabilities)
         self._capabilities = capabilities

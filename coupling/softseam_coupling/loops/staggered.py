@@ -69,7 +69,7 @@ class Staggered:
         self._grown, self._n_grown = 1.0, 0
 
     def begin(self, capabilities: Mapping[str, Capabilities]) -> None:
-        """The parts are configured. Raises Unsuited where part a tells no compliance."""
+        """The parts are configured. Raises Unsuited where part a reports no compliance."""
         ask_compliance_of([self._put], capabilities)
 
     def multipliers(self) -> Floats:
@@ -85,9 +85,9 @@ class Staggered:
         other = ask({self._free: PartRequest(free.force(last))})[self._free]
         for exchange in range(2, self._setup.exchanges + 1):
             reply = ask({self._put: PartRequest(put.force(multipliers), self._asks)})[self._put]
-            told = reply.compliance
-            if self._asks and told.size and np.isfinite(told).all() and np.trace(told) > 0.0:
-                self._stiffness, self._asks, before = _inverse(told), False, math.inf
+            reported = reply.compliance
+            if self._asks and reported.size and np.isfinite(reported).all() and np.trace(reported) > 0.0:
+                self._stiffness, self._asks, before = _inverse(reported), False, math.inf
             left = gap_of(self._parts, {self._put: reply.seam_x, self._free: other.seam_x}, self._offset)
             gap = largest(left)
             if not math.isfinite(gap):

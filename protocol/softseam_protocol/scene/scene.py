@@ -175,7 +175,7 @@ class Scene(Spec):
                 own = self.one is None and self.many[name].regions is not None
                 at = ("bodies", name, "regions") if own else ("regions",)
                 check_tools(self, near.tools or (), *at, "near", "tools")
-            check_body(self.of(name), "" if self.one is not None else name, self._kinds())
+            check_body(self.of(name), "" if self.one is not None else name, self.kinds)
         for name, interface in self.interfaces.items():
             check_interface(name, interface, self.bodies, self.regions)
         if self.duration is None and not self.motion:
@@ -199,7 +199,9 @@ class Scene(Spec):
         told = f"no phase before this one closes {' and '.join(phase.tools)} together: close them, or move each"
         raise wrong(told, "motion", number, "tools")
 
-    def _kinds(self) -> set[str]:
+    @property
+    def kinds(self) -> set[str]:
+        """What its bodies are made of: "cells", "particles", or both."""
         return {"cells" if isinstance(body, BodySpec) else "particles" for body in self.bodies.values()}
 
     def _bodies_are_told(self) -> None:
@@ -217,5 +219,5 @@ class Scene(Spec):
         if self.tolerance is not None:
             raise wrong("cells and steps are chosen for scenes with one body: leave it out", "tolerance")
         for i, quantity in enumerate(self.quantities):
-            if QUANTITIES[quantity].of not in ("any", *self._kinds()):
+            if QUANTITIES[quantity].of not in ("any", *self.kinds):
                 raise wrong(f"none of the bodies has {quantity}", "quantities", i)

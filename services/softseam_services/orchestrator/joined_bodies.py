@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,9 +52,8 @@ def interfaces_of(scene: Scene, bodies: Mapping[str, object]) -> dict[str, Betwe
     """The interfaces of a scene, by name, between bodies that are built. Raises SettingError."""
     found = {}
     for name, spec in scene.interfaces.items():
-        met = [bodies[body] for body in spec.between]
-        assert all(isinstance(body, Body) for body in met), "the scene has them in cells"
-        a, b = (Meeting(body.x_rest, body.fixed) for body in met if isinstance(body, Body))
+        met = [cast(Body, bodies[body]) for body in spec.between]  # the scene has them in cells
+        a, b = (Meeting(body.x_rest, body.fixed) for body in met)
         try:
             kind = KINDS[spec.kind](spec, a, b)
         except ValueError as error:
@@ -81,7 +81,7 @@ class JoinedBodies:
     scene       with all bodies
     bodies      in it, by name
     interfaces  between them, by name
-    tell        receives kind and text of every event
+    report      receives kind and text of every event
     """
 
     def __init__(
@@ -91,14 +91,14 @@ class JoinedBodies:
         interfaces: Mapping[str, Between],
         transport: Transport,
         clock: Clock,
-        tell: Tell,
+        report: Tell,
     ) -> None:
         self.name = "+".join(bodies)
         self.members = {name: body.participants for name, body in bodies.items()}
         """who holds the part of each body"""
         self._scene, self._scenes = scene, {name: body.scene for name, body in bodies.items()}
-        self._bodies = {name: body.body for name, body in bodies.items() if isinstance(body.body, Body)}
-        self._interfaces, self._transport, self._clock, self._tell = interfaces, transport, clock, tell
+        self._bodies = {name: cast(Body, body.body) for name, body in bodies.items()}
+        self._interfaces, self._transport, self._clock, self._report = interfaces, transport, clock, report
         self._joints = {name: joints_of(name, interfaces) for name in bodies}
         self._mobility = {name: 1.0 / _node_mass(body)[self._joints[name]] for name, body in self._bodies.items()}
         self._start = {name: between.kind.save() for name, between in interfaces.items()}
@@ -274,10 +274,10 @@ class JoinedBodies:
         if solution.parts > 1 and (note or self._pace.parts != before):
             text = f"taken in {solution.parts} parts, {solution.exchanges} exchanges, {gap}{': ' if note else ''}{note}"
             details = [Detail.PARTS, *([Detail.GAP_KEPT] if note else [])]
-            self._tell("seam", f"step {self._clock.step}, {names}: {text}", *details)
+            self._report("seam", f"step {self._clock.step}, {names}: {text}", *details)
         elif note:
             text = f"{gap} after {solution.exchanges} exchanges is kept: {note}"
-            self._tell("seam", f"step {self._clock.step}, {names}: {text}", Detail.GAP_KEPT)
+            self._report("seam", f"step {self._clock.step}, {names}: {text}", Detail.GAP_KEPT)
 
     def withdraw(self) -> None:
         """Take the step back that was taken last: it failed elsewhere."""
