@@ -13,7 +13,7 @@ from particle_run import ParticleRun, particle_scene
 from pbd_run import PbdRun, block_scene
 
 from softseam_protocol.messages.participant import Advance, ToolMotion
-from softseam_services.participant import Solver
+from softseam_protocol.participant.solver import Solver
 
 GROUND = {"ground": {"kind": "plane", "friction": 0.5}}
 SHEET = {

@@ -27,9 +27,10 @@ from softseam_protocol.messages.participant import (
     ToolMotion,
 )
 from softseam_protocol.messages.session import Close, Observation, Open, Save, Saved, Step
+from softseam_protocol.participant.handler import ParticipantHandler
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import MAX_BYTES, decode, encode
-from softseam_services.participant_service import ParticipantHandler
+from softseam_services.server import ParticipantServer
 
 pytestmark = pytest.mark.slow
 KEYS = Keys()
@@ -102,7 +103,7 @@ def test_damaged_requests_are_refused_and_change_nothing(bus: Bus, seat: str) ->
 
 
 def test_an_oversized_message_is_refused_before_it_is_read() -> None:
-    handler = ParticipantHandler("pbd")
+    handler = ParticipantHandler(ParticipantServer(), ("pbd",))
     with pytest.raises(DecodeError, match=r"byte|MiB|large"):
         handler(bytes(MAX_BYTES + 1))
     assert handler.refused["invalid"] == 1

@@ -16,8 +16,9 @@ from softseam_protocol.messages.participant import (
     Observe,
     ToolMotion,
 )
+from softseam_protocol.participant.requests import SLOTS_KEPT
 from softseam_protocol.scene.scene import Scene
-from softseam_services.server import _SLOTS_KEPT, ParticipantServer
+from softseam_services.server import ParticipantServer
 
 SCENE = Scene.model_validate(
     {
@@ -41,7 +42,7 @@ def test_the_seat_used_longest_ago_makes_room() -> None:
     def header(session: int) -> Header:
         return Header(SCHEMA_VERSION, f"s{session}", "near", 0, 0, 0, 0.0)
 
-    for session in range(_SLOTS_KEPT):
+    for session in range(SLOTS_KEPT):
         reply = server.handle(Configure(header(session), bundle, "pbd", cells, none, None, True))
         assert isinstance(reply, Configured)
     assert isinstance(server.handle(Observe(header(0))), Fields)

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 
 from softseam_protocol.messages.participant import Advanced, Bundle, Failure, Reply, Request
+from softseam_protocol.participant.solver import Solver
 from softseam_services.orchestrator.transport import ParticipantFailed, worked
-from softseam_services.participant import Solver
 from softseam_services.pbd.two_threads import cores
 from softseam_services.server import ParticipantServer, Setup
 

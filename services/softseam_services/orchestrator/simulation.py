@@ -18,6 +18,7 @@ from softseam_protocol.messages.names import prefix
 from softseam_protocol.messages.outcomes import Detail, EventKind
 from softseam_protocol.messages.participant import Bundle, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
+from softseam_protocol.participant.solver import Solver
 from softseam_protocol.scene.file import scene_from_bundle
 from softseam_protocol.scene.scene import SeveralBodies
 from softseam_services.body.build import AnyBody
@@ -39,7 +40,6 @@ from softseam_services.orchestrator.step_warnings import ToolWarnings, naming
 from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
 from softseam_services.orchestrator.whereabouts import LOOK_EVERY
-from softseam_services.participant import Solver
 from softseam_services.server import build_setup
 
 T = TypeVar("T")

@@ -6,7 +6,7 @@ one for the same step with a higher exchange number starts again from the commit
 tentative step on by its linear answer to a small force on the seam. A `Commit` or `Snapshot` for the tentative
 step itself, not for the one that follows, discards it: it failed on the other side. `snapshot` commits first and drops
 every cache that could change later bits (stale factors, warm starts), so that a run that was restored and one that was
-not are bit-identical from there on.
+not are bit-identical from there on. `requests` keeps that order, for every solver.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from softseam_protocol.messages.participant import (
 
 
 class Solver(Protocol):
-    """One region with one model: `FemSolver` and `PbdSolver`. Knows no bus, no header, no clock."""
+    """One region with one model: `FemSolver`, `PbdSolver`, `Part`. Knows no bus, no header, no clock."""
 
     def advance(self, request: Advance) -> Advanced: ...
 
@@ -53,8 +53,12 @@ class Solver(Protocol):
 
     def snapshot(self) -> bytes: ...
 
-    def restore(self, state: bytes) -> None: ...
+    def restore(self, state: bytes) -> None:
+        """Continue from a snapshot. Raises ValueError for bytes that are none of its own, and changes nothing then."""
 
 
 class SolverFactory(Protocol):
-    def __call__(self, request: Configure) -> tuple[Solver, Configured]: ...
+    """Builds the solver of a part."""
+
+    def __call__(self, request: Configure) -> tuple[Solver, Configured]:
+        """The solver, and what it says of itself. Raises ValueError for a part that it cannot take."""
