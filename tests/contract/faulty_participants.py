@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from softseam.examples.participant.requests import Participant, Slot
+from softseam.examples.participant.block import LinearBlock
 from softseam_protocol.errors import Refused, SchemaMismatch
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import (
@@ -27,10 +27,24 @@ from softseam_protocol.messages.participant import (
     Restore,
     SnapshotTaken,
 )
+from softseam_protocol.participant.handler import ParticipantHandler
+from softseam_protocol.participant.part_solver import participant_of
+from softseam_protocol.participant.requests import Slot
 from softseam_protocol.wire.codec import decode, encode
 
 
-class Faulty(Participant):
+class Example(ParticipantHandler):
+    """The example, without its process."""
+
+    def __init__(self) -> None:
+        super().__init__(participant_of(LinearBlock), ("block", "fem", "pbd"))
+
+    @property
+    def slots(self) -> dict[tuple[str, str], Slot]:
+        return self.participant.slots
+
+
+class Faulty(Example):
     """The example with one fault: `asked` changes requests, `said` replies; `seat_of` finds the session's part."""
 
     def __init__(
@@ -50,7 +64,7 @@ class Faulty(Participant):
         return self.slots[request.header.session, request.header.part]
 
 
-class Lenient(Participant):
+class Lenient(Example):
     """Answers what it should refuse, or refuses it by another kind; with `acts` it does what it refuses."""
 
     def __init__(self, kind: str, becomes: str = "internal", acts: bool = False, text: str = "") -> None:
@@ -65,7 +79,8 @@ class Lenient(Participant):
             text = self._text or (error.failure.message if isinstance(error, Refused) else str(error))
             if self._acts:
                 for slot in self.slots.values():
-                    slot.block.x = slot.block.x + 1e-3
+                    was = slot.solver.committed
+                    slot.solver.committed = replace(was, x=was.x + 1e-3)
             raise Refused(Failure(FailureKind(self._becomes if kind == self._kind else kind), text)) from None
         except Exception:
             if self._kind != "garbage":
@@ -73,22 +88,12 @@ class Lenient(Participant):
             raise Refused(Failure(FailureKind.INTERNAL, "")) from None
 
 
-def _anew(self: Faulty, request: Any) -> Any:
-    """Forgets what it was asked: every Advance is another one."""
-    if isinstance(request, Advance):
-        slot = self.slots.get((request.header.session, request.header.part))
-        if slot is not None:
-            slot.kept.pop(Advance, None)
-            slot.exchange = -1 if request.header.step == slot.committed else slot.exchange
-    return request
-
-
 def _goes_on(self: Faulty, request: Any) -> Any:
     """A redone step begins where the one before ended."""
     if isinstance(request, Advance) and request.header.exchange:
         slot = self.seat_of(request)
-        if slot.tentative is not None and request.header.exchange > slot.exchange:
-            slot.block.x, slot.block.v = slot.tentative
+        if slot.solver.tentative is not None and request.header.exchange > slot.exchange:
+            slot.solver.committed = slot.solver.tentative
     return request
 
 
@@ -96,8 +101,8 @@ def _forgets_commit(self: Faulty, request: Any) -> Any:
     """A new step does not commit the one before."""
     if isinstance(request, Advance) and request.header.step:
         slot = self.seat_of(request)
-        if slot.tentative is not None and request.header.step == slot.committed + 1:
-            slot.tentative = slot.block.x, slot.block.v
+        if slot.solver.tentative is not None and request.header.step == slot.committed + 1:
+            slot.solver.tentative = slot.solver.committed
     return request
 
 
@@ -105,8 +110,8 @@ def _commit_drags(self: Faulty, request: Any) -> Any:
     """A Commit alone loses some of the velocity."""
     if isinstance(request, Commit):
         slot = self.seat_of(request)
-        if slot.tentative is not None:
-            slot.tentative = slot.tentative[0], 0.9999 * slot.tentative[1]
+        if slot.solver.tentative is not None:
+            slot.solver.tentative = replace(slot.solver.tentative, v=0.9999 * slot.solver.tentative.v)
     return request
 
 
@@ -114,8 +119,8 @@ def _keeps(self: Faulty, request: Any) -> Any:
     """A Commit of the tentative step keeps it."""
     if isinstance(request, Commit):
         slot = self.seat_of(request)
-        if slot.tentative is not None and request.header.step == slot.committed:
-            slot.block.x, slot.block.v = slot.tentative
+        if slot.solver.tentative is not None and request.header.step == slot.committed:
+            slot.solver.committed = slot.solver.tentative
     return request
 
 
@@ -123,10 +128,9 @@ def _forgets_the_tentative(self: Faulty, request: Any) -> Any:
     """What is refused is forgotten with what came before."""
     if isinstance(request, Advance) and request.header.step > 1:
         slot = self.seat_of(request)
-        slot.kept.clear()
+        slot.replies.clear()
         slot.exchange = -1
-        assert slot.tentative is not None
-        slot.block.x = slot.tentative[0]
+        slot.solver.committed = replace(slot.solver.committed, x=slot.solver.tentative.x)
     return request
 
 
@@ -137,7 +141,7 @@ def _any_epoch(self: Faulty, request: Any) -> Any:
 
 def _any_state(self: Faulty, request: Any) -> Any:
     """Whatever is restored is taken for the state that it has."""
-    return replace(request, state=self.seat_of(request).block.to_bytes()) if isinstance(request, Restore) else request
+    return replace(request, state=self.seat_of(request).solver.snapshot()) if isinstance(request, Restore) else request
 
 
 def altered(kind: type, change: Callable[[Any], Any]) -> Callable[[Faulty, Any, Any], Any]:
@@ -146,9 +150,11 @@ def altered(kind: type, change: Callable[[Any], Any]) -> Callable[[Faulty, Any, 
 
 def _of_another(self: Faulty, request: Any, reply: Any) -> Any:
     if isinstance(reply, SnapshotTaken):  # velocities are left out
-        block = self.seat_of(request).block
-        n = 24 * len(block.x)
-        return replace(reply, state=reply.state[:n] + bytes(n) + reply.state[2 * n :])
+        solver = self.seat_of(request).solver
+        was = solver.committed
+        solver.committed = replace(was, v=0.0 * was.v)
+        reply = replace(reply, state=solver.snapshot())
+        solver.committed = was
     return reply
 
 
@@ -185,9 +191,9 @@ def _torque(self: Faulty, request: Any) -> Any:
     """A spin that dies away."""
     if isinstance(request, Advance) and request.header.step:
         slot = self.seat_of(request)
-        if slot.tentative is not None:
-            x, v = slot.tentative
-            slot.tentative = x, 0.98 * v + 0.02 * v.mean(axis=0)
+        if slot.solver.tentative is not None:
+            v = slot.solver.tentative.v
+            slot.solver.tentative = replace(slot.solver.tentative, v=0.98 * v + 0.02 * v.mean(axis=0))
     return request
 
 
@@ -208,7 +214,7 @@ def _lopsided(self: Faulty, request: Any) -> Any:
     return request
 
 
-def changed(kind: type, **change: Callable[[Any], Any]) -> Callable[[], Participant]:
+def changed(kind: type, **change: Callable[[Any], Any]) -> Callable[[], Example]:
     """Fields of its replies of this kind are changed."""
     return lambda: Faulty(said=altered(kind, lambda r: replace(r, **{k: f(getattr(r, k)) for k, f in change.items()})))
 
@@ -226,16 +232,14 @@ def _on_state(change: Callable[[Slot], None]) -> Callable[[Faulty, Any], Any]:
 
 def _deaf(slot: Slot) -> None:
     """Forces on the coupling nodes do nothing."""
-    slot.block.coupling = slot.block.coupling.copy()
-    inverse = slot.block.inverse(0.002)
-    inverse[:] = 0.0
+    slot.solver.part.inverse(0.002)[:] = 0.0
 
 
-def _push_of(change: Callable[[Any], Any]) -> Callable[[], Participant]:
+def _push_of(change: Callable[[Any], Any]) -> Callable[[], Example]:
     return lambda: Faulty(lambda _, r: replace(r, push=change(r.push)) if isinstance(r, Correct) else r)
 
 
-def _yields_more() -> Participant:
+def _yields_more() -> Example:
     """Tells that it yields more than it does, and corrects by what it told."""
 
     def said(_: Faulty, request: Any, reply: Any) -> Any:
@@ -244,20 +248,20 @@ def _yields_more() -> Participant:
     return Faulty(lambda _, r: replace(r, push=1.1 * r.push) if isinstance(r, Correct) else r, said)
 
 
-def _then(change: Callable[[Any], Any]) -> Callable[[], Participant]:
+def _then(change: Callable[[Any], Any]) -> Callable[[], Example]:
     """Serves what follows a correction, and says something else."""
 
     def said(self: Faulty, request: Any, reply: Any) -> Any:
         if not isinstance(request, Correct) or request.then is None:
             return reply
-        return replace(reply, then=change(decode(Participant.__call__(self, encode(request.then)))))
+        return replace(reply, then=change(decode(Example.__call__(self, encode(request.then)))))
 
     return lambda: Faulty(said=said)
 
 
 NONE = np.zeros((0, 0))
 
-FAULTS: list[tuple[str, str, Callable[[], Participant]]] = [
+FAULTS: list[tuple[str, str, Callable[[], Example]]] = [
     ("repeat", "the same bytes", changed(Advanced, slip=lambda _: float(np.random.default_rng().random()))),
     ("repeat", "Configured as before", changed(Configured, strain=lambda _: float(np.random.default_rng().random()))),
     ("redo", "the first answer to the first force", lambda: Faulty(_goes_on)),

@@ -13,14 +13,13 @@ from io import StringIO
 from typing import Any
 
 import pytest
-from faulty_participants import FAULTS, Faulty, altered, changed
+from faulty_participants import FAULTS, Example, Faulty, altered, changed
 from rich.console import Console
 
 from softseam.conform.command import FAILED, NOT_CLAIMED, NOT_RUN, PASSED, Row, conform, run_checks, wait_answers
 from softseam.conform.examined_part import Service
 from softseam.conform.table import CHECKS
 from softseam.errors import BadInput
-from softseam.examples.participant.requests import Participant
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.messages.participant import Advance, Advanced, Configured
 from softseam_protocol.topics import Keys
@@ -43,7 +42,7 @@ def bus(endpoint: str) -> Iterator[Bus]:
         yield opened
 
 
-def rows(bus: Bus, endpoint: str, participant: Participant, *names: str) -> list[Row]:
+def rows(bus: Bus, endpoint: str, participant: Example, *names: str) -> list[Row]:
     """What becomes of these checks, or of all, where this participant answers."""
     with Bus(endpoint) as other:
         server = other.serve({KEY: participant, Keys().echo("block"): bytes}).start()
@@ -59,12 +58,12 @@ def test_every_check_has_its_fault() -> None:
 
 
 def test_the_example_conforms(bus: Bus, endpoint: str) -> None:
-    assert {row.outcome for row in rows(bus, endpoint, Participant())} == {PASSED}
+    assert {row.outcome for row in rows(bus, endpoint, Example())} == {PASSED}
 
 
 @pytest.mark.parametrize(("name", "expected", "faulty"), FAULTS)
 def test_a_check_fails_where_its_fault_is(
-    bus: Bus, endpoint: str, name: str, expected: str, faulty: Callable[[], Participant]
+    bus: Bus, endpoint: str, name: str, expected: str, faulty: Callable[[], Example]
 ) -> None:
     """By what the fault is about, not by another sentence of the check."""
     (row,) = rows(bus, endpoint, faulty(), name)
@@ -74,7 +73,7 @@ def test_a_check_fails_where_its_fault_is(
 def test_a_participant_that_answers_nothing_right_is_told_so(bus: Bus, endpoint: str) -> None:
     """One row, not an error of the kit, where it is not even configured."""
 
-    class Mute(Participant):
+    class Mute(Example):
         def __call__(self, payload: bytes) -> bytes:
             return b"no message"
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from faulty_participants import Example
 
 from softseam.conform.examined_part import EDGE, FAR_END, mesh
-from softseam.examples.participant.requests import Participant
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.names import within
@@ -33,17 +33,17 @@ def configure(body: str, /, **bodies: dict[str, Any]) -> Configure:
 
 
 def test_each_of_several_bodies_has_its_own_material() -> None:
-    participant = Participant()
+    participant = Example()
     stiff = {"material": SOFT | {"young": 3e4}, "position": (0.5, 0.0, 0.0)}
     for name in ("soft", "stiff"):
         request = configure(name, soft={}, stiff=stiff)
         assert isinstance(decode(participant(encode(request))), Configured)
-    soft, hard = (participant.slots["here", f"{name}.far"].block for name in ("soft", "stiff"))
+    soft, hard = (participant.slots["here", f"{name}.far"].solver.part for name in ("soft", "stiff"))
     np.testing.assert_allclose(hard.K, 3.0 * soft.K, atol=1e-9 * np.abs(hard.K).max())
 
 
 def test_a_body_that_is_thrown_flies() -> None:
-    participant, request = Participant(), configure("body", body={"velocity": (0.0, 0.0, 1.5)})
+    participant, request = Example(), configure("body", body={"velocity": (0.0, 0.0, 1.5)})
     participant(encode(request))
     np.testing.assert_array_equal(decode(participant(encode(Observe(request.header)))).v[:, 2], 1.5)
 
@@ -53,5 +53,5 @@ def test_a_body_that_is_thrown_flies() -> None:
 )
 def test_what_it_has_not_is_refused(more: dict[str, Any]) -> None:
     with pytest.raises(Refused, match="leave this body to fem or pbd") as refusal:
-        Participant()(encode(configure("body", body=more)))
+        Example()(encode(configure("body", body=more)))
     assert refusal.value.failure.kind == "invalid"
