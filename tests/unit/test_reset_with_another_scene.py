@@ -150,7 +150,7 @@ def test_another_scene_with_other_bodies_and_tools(sim: softseam.Session) -> Non
         opened = other.reset()
         assert sheet.positions.shape == opened.positions.shape
         assert sim.step(count=2).positions.tobytes() == other.step(count=2).positions.tobytes()
-    held = {part: list(server._slots) for part, server in transport._servers.items() if server._slots}
+    held = {part: list(server.slots) for part, server in transport._servers.items() if server.slots}
     assert held == {"body.far": [("local", "body.far")]}
     sim.reset(scene=load_scene("cantilever"), settings=["body.material.young=2e4"])
     assert sim.scene.name == "cantilever"

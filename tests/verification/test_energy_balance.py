@@ -144,7 +144,7 @@ class Watched(EmbeddedTransport):
         return {name: (state.x.copy(), state.v.copy(), self.last[name]) for name, state in states.items()}
 
     def _solver(self, name: str) -> Any:
-        (slot,) = self._servers[name]._slots.values()
+        (slot,) = self._servers[name].slots.values()
         return slot.solver
 
     def _state(self, name: str) -> Any:

@@ -23,7 +23,7 @@ from softseam_protocol.messages.participant import (
 )
 from softseam_protocol.participant.part import Part, Unconverged
 from softseam_protocol.participant.requests import Participant
-from softseam_protocol.participant.state import NotFinite, State, load, save, sound
+from softseam_protocol.participant.state import NotFinite, State, finite, load, save, sound
 
 Floats = NDArray[np.float64]
 
@@ -148,7 +148,7 @@ class PartSolver:
         self.committed, self.tentative = committed, None
 
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
-        """Of the state as it stands; errors are not estimated."""
+        """Of the state as it stands; errors are not estimated. Raises NotFinite."""
         part, mesh, state = self.part, self.part.mesh, self.now
         told = Fields(
             header=request_header,
@@ -162,7 +162,9 @@ class PartSolver:
             contact_tool=np.full(len(mesh.points), -1, dtype=np.int32),
             cell_energy=part.strain_energy(state),
         )
-        return replace(told, **state.fields)
+        told = replace(told, **state.fields)
+        finite(told)
+        return told
 
     @property
     def _correctable(self) -> bool:
@@ -187,9 +189,7 @@ class PartSolver:
     def _reply(self, header: Header, asked: Advance, end: State, force: Floats) -> Advanced:
         """What a step that ends so says of itself, under these forces. Raises NotFinite."""
         part = self.part
-        strain, moving = float(part.strain_energy(end).sum()), self._moving(end)
-        if not np.isfinite((strain, *moving)).all():
-            raise NotFinite("the energy is not finite")
+        kinetic, gravity = self._moving(end)
         momentum = part.mesh.mass[:, None] * end.v
         told = Advanced(
             header=header,
@@ -197,9 +197,9 @@ class PartSolver:
             seam_x=end.x[part.coupling],
             compliance=_NONE,
             wrench=np.zeros((len(asked.tools.position), 6)),
-            kinetic=moving[0],
-            strain=strain,
-            gravity=moving[1],
+            kinetic=kinetic,
+            strain=float(part.strain_energy(end).sum()),
+            gravity=gravity,
             tool_work=0.0,
             seam_work=float((force * (end.x - self.committed.x)[part.coupling]).sum()),
             momentum=momentum.sum(axis=0),
@@ -212,4 +212,6 @@ class PartSolver:
             cell_distance=np.full(len(part.mesh.cell_nodes), np.inf),
             bounds=np.stack([end.x.min(axis=0), end.x.max(axis=0)]),
         )
-        return replace(told, **end.advanced)
+        told = replace(told, **end.advanced)
+        finite(told)
+        return told

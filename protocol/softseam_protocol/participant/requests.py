@@ -192,9 +192,14 @@ class Participant:
 
 
 def _with_fields(slot: Slot, request: Advance | Correct, reply: Advanced, began: float) -> Advanced:
-    """The reply to a tentative step, with the fields where they are asked for."""
+    """The reply to a tentative step, with the fields where they are asked for; a step whose fields fail is none."""
     if request.fields:  # the solver's clock runs while it advances only
-        reply = replace(reply, fields=slot.solver.fields(request.header), seconds=perf_counter() - began)
+        try:
+            reply = replace(reply, fields=slot.solver.fields(request.header), seconds=perf_counter() - began)
+        except Exception:
+            slot.solver.discard()
+            slot.exchange = -1
+            raise
     slot.exchange = request.header.exchange
     return reply
 

@@ -49,9 +49,10 @@ def serving(
     keys = Keys(deployment)
     participant = solver if isinstance(solver, Participant) else participant_of(solver)
     handler = ParticipantHandler(participant, models or (service, "fem", "pbd"))
+    handlers = {keys.participant(service): handler, keys.echo(service): bytes}
     ended: queue.SimpleQueue[BaseException | None] = queue.SimpleQueue()
     with Bus(connect, wait) as bus:
-        server = bus.serve({keys.participant(service): handler, keys.echo(service): bytes}, name=f"softseam {service}")
+        server = bus.serve(handlers, name=f"softseam {service}")
 
         def run() -> None:
             try:

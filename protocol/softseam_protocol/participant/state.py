@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ _DIGEST = 16
 
 
 class NotFinite(ValueError):
-    """A state holds NaN or infinity."""
+    """A state, or what is said of it, holds NaN or infinity."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,16 @@ def sound(state: State, like: State) -> State:
         array.setflags(write=False)
         arrays[name] = array
     return replace(state, **arrays)
+
+
+def finite(told: Any) -> None:
+    """Raises NotFinite for the first field of a message that holds NaN, or infinity where it is no distance."""
+    for one in fields(told):
+        value = getattr(told, one.name)
+        if isinstance(value, float | np.ndarray):
+            bad = np.isnan(value) if one.name == "cell_distance" else ~np.isfinite(value)
+            if bad.any():
+                raise NotFinite(f"{type(told).__name__}.{one.name} is not finite")
 
 
 def save(states: Sequence[State], more: float, kind: bytes) -> bytes:
