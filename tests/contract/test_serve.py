@@ -26,6 +26,7 @@ from softseam_protocol.bus.inbox import Inbox, LiveChange
 from softseam_protocol.errors import BusTimeout, NoReply, NoRouter, ProtocolError, Refused
 from softseam_protocol.messages.participant import (
     Advanced,
+    Configure,
     Configured,
     Fields,
     Observe,
@@ -34,6 +35,8 @@ from softseam_protocol.messages.participant import (
     Snapshot,
     SnapshotTaken,
 )
+from softseam_protocol.participant.part_solver import PartSolver
+from softseam_protocol.participant.requests import Participant
 from softseam_protocol.participant.serve import serving
 from softseam_protocol.participant.state import State
 from softseam_protocol.topics import Keys
@@ -100,6 +103,19 @@ def test_a_participant_of_two_methods_passes_what_the_kit_asks_of_any(endpoint: 
     with serving(Springs, "springs", connect=endpoint):
         rows = run_checks(Service(bus, KEY, "springs"), tuple(ORDER))
     assert {row.outcome for row in rows} == {PASSED}, [row for row in rows if row.outcome != PASSED]
+
+
+def test_a_solver_of_messages_is_served_in_the_same_order(endpoint: str, bus: Bus) -> None:
+    """Who offers the protocol `Solver` needs no `Part`."""
+
+    def build(request: Configure) -> tuple[PartSolver, Configured]:
+        solver = PartSolver(Springs(request), request)
+        return solver, solver.configured(request.header)
+
+    names = ("repeat", "redo", "commit", "discard", "restore", "release", "stale_step", "old_epoch", "step_ahead")
+    with serving(Participant(build), "springs", connect=endpoint):
+        rows = run_checks(Service(bus, KEY, "springs"), names)
+    assert {row.outcome for row in rows} == {PASSED}, rows
 
 
 def test_it_is_found_while_it_serves_and_not_before_or_after(endpoint: str, bus: Bus) -> None:
