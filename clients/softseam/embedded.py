@@ -288,6 +288,8 @@ def compile_clock() -> Iterator[Callable[[], tuple[float, float]]]:
 _APART = (
     "softseam_protocol/bus/*.py",
     "softseam_protocol/publish.py",
+    *(f"softseam_protocol/participant/{name}.py" for name in ("handler", "serve", "state")),
+    *(f"softseam_protocol/participant/{name}.py" for name in ("part", "part_mesh", "part_solver")),
     *(f"softseam_services/{name}.py" for name in ("__main__", "bus_options", "child", "health", "launch", "lifeline")),
     *(f"softseam_services/{name}.py" for name in ("participant_service", "progress", "router", "supervisor")),
     *(
@@ -297,7 +299,7 @@ _APART = (
     *(f"softseam_services/orchestrator/{name}.py" for name in ("recorder_feed", "service")),
     "softseam_services/recorder/*.py",
 )
-"""sources that a simulation in this process never loads: the bus, processes, recordings"""
+"""sources that a simulation in this process never loads: the bus, processes, others' solvers, recordings"""
 
 
 def solver_digest() -> str:

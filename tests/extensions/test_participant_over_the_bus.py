@@ -9,7 +9,9 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +33,7 @@ STEPS = 150
 
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Services whose orchestrator has the part `far` taken by the service `block`, and that service."""
+    """Services whose orchestrator has the part `far` taken by the service `block`, which is not among them."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         where = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
@@ -39,21 +41,31 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     lines: list[str] = []
     with supervisor(options, lines.append) as services:
         assert services.wait_ready(READY), lines
-        command = [sys.executable, "-m", "softseam.examples.participant", "--connect", where]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path("/"), env=os.environ) as block:
-            try:
-                assert block.stdout is not None and "answers" in block.stdout.readline()
-                yield where
-            finally:
-                block.terminate()
+        yield where
 
 
-def tip(connect: str | None) -> tuple[list[float], float]:
-    """Deflection of the tip after each step [m], and the largest gap at the seam [m]."""
+@contextmanager
+def block(endpoint: str) -> Iterator[subprocess.Popen[str]]:
+    """The example in a process of its own, which answers."""
+    command = [sys.executable, "-m", "softseam.examples.participant", "--connect", endpoint]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path("/"), env=os.environ) as process:
+        try:
+            assert process.stdout is not None and "answers" in process.stdout.readline()
+            yield process
+        finally:
+            process.terminate()
+
+
+def tip(
+    connect: str | None, steps: int = STEPS, before: Callable[[int], None] = lambda step: None
+) -> tuple[list[float], float]:
+    """Deflection of the tip after each step [m], and the largest gap at the seam [m]; `before` is called before each
+    step."""
     deflections, gaps = [], [0.0]
     with softseam.open("cantilever", connect=connect) as sim:
         sim.reset(seed=0)
-        for _ in range(STEPS):
+        for step in range(steps):
+            before(step)
             seen = sim.step()
             deflections.append(seen.quantities["tip_deflection"])
             assert seen.seam is not None
@@ -66,12 +78,30 @@ def test_a_beam_whose_far_half_is_the_example_bends_as_one(endpoint: str) -> Non
 
     The reference of the scene, -150.4 mm at its lowest, is as near to both.
     """
-    with Bus(endpoint) as bus:
+    with block(endpoint), Bus(endpoint) as bus:
         assert len(bus.live(Keys().every_live("participant", "block"))) == 1
-    ours, gap = tip(endpoint)
+        ours, gap = tip(endpoint)
     theirs, _ = tip(None)
     assert gap < 3e-4 * 0.025  # as the scene's seam tolerates
     assert min(ours) == pytest.approx(min(theirs), rel=0.02)
     assert min(ours) == pytest.approx(-0.1504, rel=0.04)
     np.testing.assert_allclose(ours, theirs, atol=0.02 * 0.15)
     assert np.abs(np.subtract(ours, theirs)).max() > 1e-6, "the far half is the default's own"
+
+
+def test_another_takes_over_from_one_that_is_killed_and_the_beam_bends_to_the_same_bits(endpoint: str) -> None:
+    """It dies at work, and is started again while the orchestrator waits for it."""
+    with block(endpoint):
+        whole, _ = tip(endpoint, 40)
+    with ExitStack() as stack:
+        first = stack.enter_context(block(endpoint))
+        takes_over = threading.Thread(target=lambda: (first.kill(), stack.enter_context(block(endpoint))))
+
+        def before(step: int) -> None:
+            if step == 20:
+                takes_over.start()
+
+        disturbed, _ = tip(endpoint, 40, before)
+        takes_over.join(30.0)
+        assert first.wait(10.0) != 0
+    assert disturbed == whole

@@ -11,8 +11,10 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.server import Handler
 from softseam_protocol.errors import BusError
 from softseam_protocol.messages.participant import Configure
 from softseam_protocol.participant.handler import ParticipantHandler
@@ -49,7 +51,7 @@ def serving(
     keys = Keys(deployment)
     participant = solver if isinstance(solver, Participant) else participant_of(solver)
     handler = ParticipantHandler(participant, models or (service, "fem", "pbd"))
-    handlers = {keys.participant(service): handler, keys.echo(service): bytes}
+    handlers: dict[str, Handler] = {keys.participant(service): handler, keys.echo(service): bytes}
     ended: queue.SimpleQueue[BaseException | None] = queue.SimpleQueue()
     with Bus(connect, wait) as bus:
         server = bus.serve(handlers, name=f"softseam {service}")
@@ -87,14 +89,15 @@ def serve(
     One thread, not the main one, calls the solver. Raises NoRouter, ValueError for names that are none, and what a
     solver raises that is no Exception, as SystemExit.
     """
-    with serving(solver, service, connect=connect, deployment=deployment, models=models, wait=wait) as ended:
-        before = {number: signal.signal(number, lambda *_: ended.put(None)) for number in STOPPING}
-        try:
+    before: dict[signal.Signals, Any] = {}
+    try:
+        with serving(solver, service, connect=connect, deployment=deployment, models=models, wait=wait) as ended:
+            before = {number: signal.signal(number, lambda *_: ended.put(None)) for number in STOPPING}
             print(f"{service} answers at {connect}; Ctrl-C stops it", flush=True)
             error = ended.get()
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
     if error is not None:
         raise error
 
