@@ -95,13 +95,18 @@ def test_another_takes_over_from_one_that_is_killed_and_the_beam_bends_to_the_sa
         whole, _ = tip(endpoint, 40)
     with ExitStack() as stack:
         first = stack.enter_context(block(endpoint))
-        takes_over = threading.Thread(target=lambda: (first.kill(), stack.enter_context(block(endpoint))))
+
+        def takes_over() -> None:
+            first.kill()
+            stack.enter_context(block(endpoint))
+
+        other = threading.Thread(target=takes_over)
 
         def before(step: int) -> None:
             if step == 20:
-                takes_over.start()
+                other.start()
 
         disturbed, _ = tip(endpoint, 40, before)
-        takes_over.join(30.0)
+        other.join(30.0)
         assert first.wait(10.0) != 0
     assert disturbed == whole
