@@ -43,6 +43,8 @@ CLASSES = (
     ("softseam.gym.camera", "Camera"),
     ("softseam.gym.batch_env", "BatchEnv"),
     ("softseam.gym.randomise", "Randomise"),
+    ("softseam_protocol.participant.part", "Part"),
+    ("softseam_protocol.participant.state", "State"),
 )
 
 

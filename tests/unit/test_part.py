@@ -132,6 +132,14 @@ def test_no_response_is_told_for_steps_of_another_length() -> None:
     assert "of its length" in refused(one, correct(header(0, 2)))[1]
 
 
+def test_a_step_that_touches_is_redone_in_place_of_corrected() -> None:
+    """How the wrench on a tool changes, a linear answer does not know."""
+    one = begun(upset(lambda state: replace(state, advanced={"n_contacts": 1})), 0)
+    reply = ask(one, advance(header(), TOO_MUCH, compliance=True))
+    assert isinstance(reply, Advanced) and reply.n_contacts == 1 and not reply.correctable
+    assert "redo it" in refused(one, correct(header(0, 1)))[1]
+
+
 # ---- twice, late, lost, out of order
 
 

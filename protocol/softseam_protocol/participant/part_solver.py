@@ -79,8 +79,10 @@ class PartSolver:
     def check(self, request: Advance | Correct) -> None:
         """Raises ValueError for a request that cannot be served, before anything changes."""
         if isinstance(request, Correct):
-            if self.tentative is None or not self._correctable:
-                raise ValueError("this step cannot be corrected: ask for the compliance of steps of its length first")
+            if not self._correctable:
+                raise ValueError(
+                    "this step cannot be corrected: redo it, or ask for the compliance of steps of its length first"
+                )
             forces = [request.push, request.force]
         else:
             forces, motion = [request.seam_force], request.tools
@@ -168,9 +170,12 @@ class PartSolver:
 
     @property
     def _correctable(self) -> bool:
-        """Whether what was told is of steps as long as the tentative one."""
-        told, asked = self._told, self._asked
-        return self.part.corrects and told is not None and asked is not None and told[1] == asked.dt
+        """Whether what was told is of steps as long as the tentative one, which says no more than positions tell: how
+        contact changes, a linear answer does not know."""
+        end, told, asked = self.tentative, self._told, self._asked
+        if end is None or told is None or asked is None or end.advanced or end.fields:
+            return False
+        return self.part.corrects and told[1] == asked.dt
 
     def _response(self, begin: State, dt: float) -> Floats:
         """Raises TypeError for one of another shape, and NotFinite."""

@@ -31,7 +31,8 @@ class State:
     own: Floats = field(default_factory=lambda: np.zeros(0))
     """what else evolves, as variables of a material; of the same shape in every state"""
     advanced: Mapping[str, Any] = field(default_factory=dict)
-    """fields of `Advanced` that say more of the step than the defaults, as the wrench on tools; not saved"""
+    """fields of `Advanced` that say more of the step than the defaults, as the wrench on tools; empty where nothing
+    touches: a step that says more is redone in place of corrected, and it is not saved"""
     fields: Mapping[str, Any] = field(default_factory=dict)
     """fields of `Fields`, likewise, as contact forces"""
 
