@@ -396,13 +396,14 @@ def test_a_step_that_fails_says_so_and_is_redone_from_the_committed_state(
     one = begun(part, 1)
     ask(one, Commit(header(1)))
     before = seen(one)
-    reply = ask(one, advance(header(1), TOO_MUCH))
+    taken(one, 1)
+    reply = ask(one, advance(header(1, 1), TOO_MUCH))
     assert isinstance(reply, Advanced) and reply.status is status and why in reply.why, reply
     encode(reply)
-    assert not reply.correctable and same(seen(one), before)
-    assert "cannot be corrected" in refused(one, correct(header(1, 1)))[1]
-    assert same(taken(one, 1, 1), taken(begun(steps=1), 1, 1))
-    ask(one, Commit(header(1, 2)))
+    assert not reply.correctable and same(seen(one), before), "also the exchange before is taken back"
+    assert "cannot be corrected" in refused(one, correct(header(1, 2)))[1]
+    assert same(taken(one, 1, 2), taken(begun(steps=1), 1, 2))
+    ask(one, Commit(header(1, 3)))
     assert same(seen(one), before)
 
 
