@@ -117,7 +117,7 @@ def test_what_is_not_claimed_is_refused_with_the_remedy() -> None:
     one = begun()
     assert refused(one, advance(header(1, 1), compliance=True)) == (
         "invalid",
-        "ValueError: this participant tells no compliance, as its capabilities say: ask for none",
+        "ValueError: this participant reports no compliance, as its capabilities say: ask for none",
     )
     assert "cannot be corrected" in refused(one, correct(header(1, 1)))[1]
     anchored = replace(advance(header(1, 1)), seam_target=PUSH, seam_impedance=np.eye(27))

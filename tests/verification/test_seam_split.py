@@ -99,7 +99,9 @@ def test_mixed_split_is_close_to_fem(near: str, far: str) -> None:
 def test_a_part_that_tells_no_compliance_is_refused_at_start(monkeypatch: pytest.MonkeyPatch) -> None:
     able = vars(PbdSolver)["capabilities"].fget
     monkeypatch.setattr(PbdSolver, "capabilities", property(lambda solver: replace(able(solver), compliance=False)))
-    with pytest.raises(softseam.BadInput, match=r"part 'body\.far' reports no compliance.*its participant must report it"):
+    with pytest.raises(
+        softseam.BadInput, match=r"part 'body\.far' reports no compliance.*its participant must report it"
+    ):
         softseam.open(beam(near="fem", far="pbd")).reset()
 
 

@@ -35,7 +35,7 @@ class Part(ABC):
     """expected processor time of a step [s]; 0: not known"""
 
     def __init__(self, request: Configure) -> None:
-        """Begin in the state that is told, or at rest with the body's velocity.
+        """Begin in the state that is reported, or at rest with the body's velocity.
 
         A solver's own `__init__` calls this first; one whose `State.own` holds something replaces `begin`. Raises
         ValueError for a part that it cannot take.
@@ -53,8 +53,8 @@ class Part(ABC):
         if type(self).surface is Part.surface and has_tetrahedra(mesh):
             raise ValueError("a cell is a tetrahedron: this participant knows hexahedra alone")
         rest = State(mesh.x_rest, np.tile(self.body["velocity"], (len(mesh.nodes), 1)))
-        told = request.state
-        self.begin = sound(rest if told is None else State(told.x[mesh.nodes], told.v[mesh.nodes]), rest)
+        reported = request.state
+        self.begin = sound(rest if reported is None else State(reported.x[mesh.nodes], reported.v[mesh.nodes]), rest)
         """the state that it begins with"""
 
     @abstractmethod

@@ -16,10 +16,10 @@ OCTANTS = np.array([(octant + CORNERS) @ (1, 3, 9) for octant in CORNERS])
 
 
 def mesh_of(request: Configure) -> PartMesh:
-    """The mesh that a Configure tells. Raises ValueError where there is none, or one that is not whole."""
+    """The mesh that a Configure reports. Raises ValueError where there is none, or one that is not whole."""
     mesh = request.mesh
     if mesh is None:
-        raise ValueError("Configure tells no mesh: send cells, from an orchestrator as new as this participant")
+        raise ValueError("Configure reports no mesh: send cells, from an orchestrator as new as this participant")
     n, c, p = len(mesh.nodes), len(mesh.cell_nodes), len(mesh.points)
     lengths = {(len(mesh.x_rest), n), (len(mesh.mass), n), (len(mesh.fixed), n), (len(request.cells), c)}
     lengths |= {(len(mesh.point_cell), p), (len(mesh.point_local), p)}

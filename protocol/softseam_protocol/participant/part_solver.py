@@ -1,4 +1,4 @@
-"""A part's committed state, the tentative one beside it, and what was told of both: the solver that a `Part` makes."""
+"""A part's committed state, the tentative one beside it, and what was reported of both: the solver of a `Part`."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class PartSolver:
             if len(request.seam_target) or len(request.seam_force_start):
                 raise ValueError("this participant takes constant forces alone: send no anchor and no force at first")
             if request.compliance and not self.capabilities.compliance:
-                raise ValueError("this participant tells no compliance, as its capabilities say: ask for none")
+                raise ValueError("this participant reports no compliance, as its capabilities say: ask for none")
             poses = (motion.position, motion.orientation, motion.position_next, motion.orientation_next)
             if not all(np.isfinite(pose).all() and len(pose) == len(poses[0]) for pose in poses):
                 raise ValueError("poses of tools that are not finite, or not of the same tools: send a row for each")
@@ -102,29 +102,29 @@ class PartSolver:
 
     def advance(self, request: Advance) -> Advanced:
         """Take a step from the committed state, tentatively; where the part raises, nothing changes."""
-        began, begin, dt, told = perf_counter(), self.committed, request.dt, self._told
+        began, begin, dt, reported = perf_counter(), self.committed, request.dt, self._told
         try:
             end = sound(self.part.step(begin, dt, request.seam_force, request.tools), begin)
             reply = self._reply(request.header, request, end, request.seam_force)
             if request.compliance:
-                told = begin, dt, self._response(begin, dt)
-                reply = replace(reply, compliance=told[2][self._rows])
+                reported = begin, dt, self._response(begin, dt)
+                reply = replace(reply, compliance=reported[2][self._rows])
         except NotFinite as error:
             status, why = Status.DIVERGED, f"{error}: take a shorter step"
         except (Unconverged, np.linalg.LinAlgError) as error:
             status, why = Status.UNCONVERGED, str(error)
         else:
-            self.tentative, self._asked, self._told = end, request, told
+            self.tentative, self._asked, self._told = end, request, reported
             return replace(reply, correctable=self._correctable, seconds=perf_counter() - began)
         still = self._reply(request.header, request, replace(begin, advanced={}), request.seam_force)
         self.tentative = self._asked = None
         return replace(still, status=status, why=why, seconds=perf_counter() - began)
 
     def correct(self, request: Correct) -> Advanced:
-        """Move the tentative step on by the response that was told last; see `check`."""
-        began, end, asked, told = perf_counter(), self.tentative, self._asked, self._told
-        assert end is not None and asked is not None and told is not None
-        way = (told[2] @ request.push.ravel()).reshape(-1, 3)
+        """Move the tentative step on by the response that was reported last; see `check`."""
+        began, end, asked, reported = perf_counter(), self.tentative, self._asked, self._told
+        assert end is not None and asked is not None and reported is not None
+        way = (reported[2] @ request.push.ravel()).reshape(-1, 3)
         end = sound(replace(end, x=end.x + way, v=end.v + way / asked.dt), end)
         reply = self._reply(request.header, asked, end, request.force)
         self.tentative = end
@@ -139,7 +139,7 @@ class PartSolver:
         self.tentative = None
 
     def snapshot(self) -> bytes:
-        """The committed state, and the one whose response was told: that is computed again."""
+        """The committed state, and the one whose response was reported: that is computed again."""
         begin, dt, _ = self._told or (self.committed, 0.0, None)
         return save((self.committed, begin), dt, self._kind)
 
@@ -152,7 +152,7 @@ class PartSolver:
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Of the state as it stands; errors are not estimated. Raises NotFinite."""
         part, mesh, state = self.part, self.part.mesh, self.now
-        told = Fields(
+        reported = Fields(
             header=request_header,
             nodes=mesh.nodes,
             x=state.x,
@@ -164,18 +164,18 @@ class PartSolver:
             contact_tool=np.full(len(mesh.points), -1, dtype=np.int32),
             cell_energy=part.strain_energy(state),
         )
-        told = replace(told, **state.fields)
-        finite(told)
-        return told
+        reported = replace(reported, **state.fields)
+        finite(reported)
+        return reported
 
     @property
     def _correctable(self) -> bool:
-        """Whether what was told is of steps as long as the tentative one, which says no more than positions tell: how
-        contact changes, a linear answer does not know."""
-        end, told, asked = self.tentative, self._told, self._asked
-        if end is None or told is None or asked is None or end.advanced or end.fields:
+        """Whether what was reported is of steps as long as the tentative one, of which positions say all: how contact
+        changes, a linear answer does not know."""
+        end, reported, asked = self.tentative, self._told, self._asked
+        if end is None or reported is None or asked is None or end.advanced or end.fields:
             return False
-        return self.part.corrects and told[1] == asked.dt
+        return self.part.corrects and reported[1] == asked.dt
 
     def _response(self, begin: State, dt: float) -> Floats:
         """Raises TypeError for one of another shape, and NotFinite."""
@@ -196,7 +196,7 @@ class PartSolver:
         part = self.part
         kinetic, gravity = self._moving(end)
         momentum = part.mesh.mass[:, None] * end.v
-        told = Advanced(
+        reported = Advanced(
             header=header,
             status=Status.CONVERGED,
             seam_x=end.x[part.coupling],
@@ -217,6 +217,6 @@ class PartSolver:
             cell_distance=np.full(len(part.mesh.cell_nodes), np.inf),
             bounds=np.stack([end.x.min(axis=0), end.x.max(axis=0)]),
         )
-        told = replace(told, **end.advanced)
-        finite(told)
-        return told
+        reported = replace(reported, **end.advanced)
+        finite(reported)
+        return reported

@@ -38,7 +38,7 @@ from softseam_protocol.participant.solver import Solver, SolverFactory
 SLOTS_KEPT = 64
 """of sessions whose orchestrators may have died without a Release"""
 _TIMED_HERE = (Committed, Fields, SnapshotTaken, Restored)
-"""replies whose seconds are those of the whole answer; a solver tells its own of a step"""
+"""replies whose seconds are those of the whole answer; a solver reports its own of a step"""
 _NOT_KEPT = (Failure, Fields)
 """replies that a repeated request is given anew"""
 

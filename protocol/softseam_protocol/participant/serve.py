@@ -106,10 +106,12 @@ def main(solver: Solver, service: str, models: tuple[str, ...] = ()) -> None:
     """`serve` by the command line: `--connect`, `--service` and `--deployment`, or SOFTSEAM_CONNECT and
     SOFTSEAM_DEPLOYMENT."""
     parser = argparse.ArgumentParser()
-    told = os.environ.get
-    parser.add_argument("--connect", default=told("SOFTSEAM_CONNECT", DEFAULT_ENDPOINT), help="router (%(default)s)")
+    setting = os.environ.get
+    parser.add_argument("--connect", default=setting("SOFTSEAM_CONNECT", DEFAULT_ENDPOINT), help="router (%(default)s)")
     parser.add_argument("--service", default=service, help="its name on the bus (%(default)s)")
-    parser.add_argument("--deployment", default=told("SOFTSEAM_DEPLOYMENT", DEFAULT_DEPLOYMENT), help="(%(default)s)")
+    parser.add_argument(
+        "--deployment", default=setting("SOFTSEAM_DEPLOYMENT", DEFAULT_DEPLOYMENT), help="(%(default)s)"
+    )
     args = parser.parse_args()
     try:
         serve(solver, args.service, connect=args.connect, deployment=args.deployment, models=models)

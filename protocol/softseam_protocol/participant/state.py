@@ -52,14 +52,14 @@ def sound(state: State, like: State) -> State:
     return replace(state, **arrays)
 
 
-def finite(told: Any) -> None:
+def finite(reported: Any) -> None:
     """Raises NotFinite for the first field of a message that holds NaN, or infinity where it is no distance."""
-    for one in fields(told):
-        value = getattr(told, one.name)
+    for one in fields(reported):
+        value = getattr(reported, one.name)
         if isinstance(value, float | np.ndarray):
             bad = np.isnan(value) if one.name == "cell_distance" else ~np.isfinite(value)
             if bad.any():
-                raise NotFinite(f"{type(told).__name__}.{one.name} is not finite")
+                raise NotFinite(f"{type(reported).__name__}.{one.name} is not finite")
 
 
 def save(states: Sequence[State], more: float, kind: bytes) -> bytes:
