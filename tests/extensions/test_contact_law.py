@@ -17,7 +17,6 @@ import pytest
 import softseam
 from softseam_protocol.scene.scene import Scene
 
-pytestmark = pytest.mark.xfail(strict=True, raises=ModuleNotFoundError, reason="decision 60: unilateral rows")
 PRESSED: list[float] = []  # least and largest multiplier along the normal of each step [N]
 EDGE, YOUNG, DENSITY, DRAG, STEP = 0.04, 1e6, 1000.0, 200.0, 5e-3
 WEIGHT = 9.81 * DENSITY * EDGE**3
@@ -46,12 +45,12 @@ def rows() -> Iterator[None]:
             axes[2] *= np.sign(axes[2, 2])
             fit, at = (np.c_[np.ones(len(each)), (each - middle) @ axes[:2].T] for each in (face, points))
             weights = np.eye(n), at @ np.linalg.pinv(fit)
-            frames, gives = np.tile(axes[[2, 0, 1]], (n, 1, 1)), np.full(n, n / FIRM)
-            of_points = {"gives": gives, "frames": frames, "ids": self.nodes[0]}
-            return coupling.Rows(weights, np.zeros((n, 3)), unilateral=True, **of_points)
+            self.normal = np.tile(axes[2], (n, 1))
+            return coupling.Rows(weights, np.zeros((n, 3)), give=np.full(n, n / FIRM), normal=self.normal)
 
-        def commit(self, x: tuple[Any, Any], multipliers: Any) -> None:
-            PRESSED.extend((multipliers[:, 0].min(), multipliers[:, 0].max()))
+        def commit(self, x: tuple[Any, Any], multipliers: Any, dt: float) -> None:
+            pressed = (multipliers * self.normal).sum(axis=1)
+            PRESSED.extend((pressed.min(), pressed.max()))
 
         def save(self) -> dict[str, Any]:
             return {}
@@ -85,14 +84,17 @@ def scene(models: tuple[str, str], duration: float, throw: float = 0.0) -> Scene
 
 @pytest.mark.parametrize("models", MODELS)
 def test_the_ground_carries_two_weights(models: tuple[str, str]) -> None:
-    """To 1e-6: swings fade with half the drag, exp(-100 t), to 1e-13 in .3 s; nothing pulls meanwhile."""
+    """To 1e-6: swings fade with half the drag, exp(-100 t), to 1e-13 in .3 s; nothing pulls meanwhile.
+
+    Weights shorten the distance of the middles by rho g L^2/E, 16 um, and a little more beneath single points.
+    """
     with softseam.open(scene(models, 0.3)) as sim:
         seen = sim.run(fields=True)
     assert -seen.wrench["ground"][2] == pytest.approx(2.0 * WEIGHT, rel=1e-6)
     assert np.abs(seen.wrench["ground"][:2]).max() < 1e-6 * WEIGHT
     assert min(PRESSED) >= 0.0 and max(PRESSED) < WEIGHT
     apart = np.subtract(*(seen.bodies[name].positions.mean(axis=0) for name in ("upper", "lower")))
-    np.testing.assert_allclose(apart, (0.0, 0.0, EDGE), rtol=0.0, atol=1e-5)
+    np.testing.assert_allclose(apart, (0.0, 0.0, EDGE), rtol=0.0, atol=2.5e-5)
 
 
 @pytest.mark.parametrize("models", MODELS)
