@@ -20,7 +20,6 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
-pytestmark = pytest.mark.xfail(strict=True, raises=ModuleNotFoundError, reason="decision 60: rules of sleep")
 EDGE, RADIUS, SPEED, STEP = 0.04, 0.01, 0.1, 5e-3
 NEAR, REST = 0.02, 1e-24
 """how far from a block's box a ball's surface wakes it [m]; least kinetic energy that is more than rounding [J]"""

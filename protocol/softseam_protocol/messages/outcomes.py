@@ -86,6 +86,8 @@ class EventKind(StrEnum):
     """the simulation is back at a saved state"""
     SEAM = "seam"
     """the sides did not agree at once"""
+    SLEEP = "sleep"
+    """bodies that were asleep wake"""
     SOLVER = "solver"
     """a step was kept that had not converged"""
     STEP = "step"

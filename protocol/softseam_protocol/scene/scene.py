@@ -69,6 +69,12 @@ class Scene(Spec):
     regions: RegionsSpec = RegionsSpec()
     models: ModelsSpec = ModelsSpec()
     seam: SeamSpec = SeamSpec()
+    sleep: str | None = Field(
+        default=None,
+        exclude_if=lambda rule: rule is None,
+        description="rule by which bodies at rest are not simulated until a tool comes near: `calm`, once slower than "
+        "1 mm/s for 8 steps; default: none sleep",
+    )
     symmetry: tuple[Literal["x", "y", "z"], ...] = Field(
         default=(),
         description="axes across which the scene is symmetric, about planes through the middle of the body: where fem "

@@ -279,6 +279,10 @@ class JoinedBodies:
             text = f"{gap} after {solution.exchanges} exchanges is kept: {note}"
             self._report("seam", f"step {self._clock.step}, {names}: {text}", Detail.GAP_KEPT)
 
+    def rest(self) -> None:
+        """The bodies sleep from now on: their interfaces do no work."""
+        self.reports = {name: replace(report, work=0.0, exchanges=0) for name, report in self.reports.items()}
+
     def withdraw(self) -> None:
         """Take the step back that was taken last: it failed elsewhere."""
         assert self._before is not None

@@ -18,7 +18,7 @@ Ints = NDArray[np.int32]
 
 _CELLS, _SEAM, _PART = "regions.", "seam.", "part."
 """how the names of such entries of a body begin"""
-_BODY, _JOINED = "bodies/", "joined/"
+_BODY, _JOINED, _SLEEPING = "bodies/", "joined/", "sleeping/"
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +106,8 @@ class SavedState:
     """by name"""
     joined: dict[str, dict[str, Floats]]
     """see `JoinedBodies.save`, by island"""
+    sleeping: dict[str, NDArray[np.generic]]
+    """see `Sleeping.save`"""
 
     def pack(self) -> bytes:
         """As bytes, which `unpack` reads."""
@@ -126,6 +128,7 @@ class SavedState:
             entries.update({f"{_BODY}{body}/{name}": entry for name, entry in saved.entries().items()})
         for island, arrays in self.joined.items():
             entries.update({f"{_JOINED}{island}/{name}": array for name, array in arrays.items()})
+        entries.update({f"{_SLEEPING}{name}": entry for name, entry in self.sleeping.items()})
         return pack(entries)
 
     @classmethod
@@ -161,6 +164,7 @@ class SavedState:
                     island: {name: array.astype(np.float64) for name, array in _named(of_islands, f"{island}/").items()}
                     for island in islands
                 },
+                sleeping=_named(entries, _SLEEPING),
             )
         except (KeyError, ValueError, TypeError) as error:
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error

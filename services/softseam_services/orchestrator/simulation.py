@@ -36,6 +36,7 @@ from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.reports import step_report, work_of_drive, worst, wrench_of
 from softseam_services.orchestrator.saved_state import SavedState
 from softseam_services.orchestrator.simulated_body import SimulatedBody
+from softseam_services.orchestrator.sleeping import Sleeping
 from softseam_services.orchestrator.step_warnings import ToolWarnings, naming
 from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
@@ -114,6 +115,13 @@ class Simulation:
             for name, body in self.bodies.items()
             if not any(name in island.members for island in self._joined)
         }
+        self._sleeping = Sleeping(
+            self.scene.sleep,
+            [(name,) for name in self._lone] + [tuple(island.members) for island in self._joined],
+            {name: setup.body.total_mass for name, setup in setups.items()},
+            self.tools,
+            self._woke,
+        )
         self._wants_fields = any(body.wants_fields for body in self.bodies.values())
         self.events: list[Event] = []
         """events since the last reset, oldest first"""
@@ -190,6 +198,7 @@ class Simulation:
         self._seed = self.scene.seed if seed is None else seed
         self._clock.start(0)
         self._moving.reset()
+        self._sleeping.reset()
         self._forget()
         self.events.clear()
         for body in self.bodies.values():
@@ -247,7 +256,11 @@ class Simulation:
         self._stopwatch.begin(began)
         look = fields or (self._wants_fields and (self._clock.step + 1) % _FIELDS_EVERY == 0)
         then = self._ahead(move, look) if more else None
-        taken = advance_all(self._lone, self._joined, self._transport, move.motion, look, then)
+        self._sleeping.wake(move.motion)
+        taken = self._sleeping.outcomes()
+        lone = {name: island for name, island in self._lone.items() if name not in taken}
+        joined = [island for island in self._joined if island.members.keys().isdisjoint(taken)]
+        taken |= advance_all(lone, joined, self._transport, move.motion, look, then)
         solutions = {name: taken[name] for name in self.bodies}  # sums in one order have one rounding
         wrenches = {name: wrench_of(solution.replies) for name, solution in solutions.items()}
         first, *others = wrenches.values()
@@ -258,6 +271,7 @@ class Simulation:
         frames = self._look(solutions, look or (self._wants_fields and done))
         quantities = self._measure(solutions, wrenches, frames or {})
         entries, switched = self._book_and_adapt(solutions, wrenches, move)
+        self._fall_asleep(solutions, move)
         estimates = self._judge(solutions, ongoing and not move.by_hand, moved.phase_ends)
         report = step_report(
             header=self._clock.last_step(),
@@ -288,7 +302,7 @@ class Simulation:
         """How the tools move in the step after `move`, where nothing else is asked of the participants in between."""
         step, (body, *others) = self._clock.step + 1, self.bodies.values()
         last = self._duration is not None and step >= round(self._duration / self.scene.step)
-        if last or others or step % _CHECKPOINT_STEPS == 0 or not body.goes_on(step, look):
+        if last or others or self._sleeping.possible or step % _CHECKPOINT_STEPS == 0 or not body.goes_on(step, look):
             return None
         return self._moving.ahead(move)
 
@@ -321,17 +335,31 @@ class Simulation:
         for name, body in self.bodies.items():
             drive_work = work_of_drive(wrenches[name], move.command, self.scene.step)
             entries[name] = body.book(solutions[name].replies, solutions[name], drive_work)
+        asleep = self._sleeping.outcomes()
         for name, body in self.bodies.items():
+            if name in asleep:
+                continue
             energies = self._told(partial(body.follow, solutions[name].replies, move.motion))
             if energies is not None:
                 body.balance.switched(energies)
                 switched = True
         if self._clock.step % _CHECKPOINT_STEPS == 0:
-            for body in self.bodies.values():
-                self._told(body.participants.snapshot)
+            for name, body in self.bodies.items():
+                if name not in asleep:
+                    self._told(body.participants.snapshot)
             for island in self._joined:
                 island.forget_sent()
         return entries, switched
+
+    def _fall_asleep(self, solutions: Solutions, move: Move) -> None:
+        """Let islands sleep from now on that may."""
+        fell = self._sleeping.follow(solutions, move.motion)
+        for island in self._joined:
+            if tuple(island.members) in fell:
+                island.rest()
+
+    def _woke(self, island: tuple[str, ...], reason: str) -> None:
+        self._event("sleep", f"step {self._clock.step}: {', '.join(island)}: {reason}")
 
     def _judge(self, solutions: Solutions, follows: bool, phase_ends: bool) -> dict[str, ErrorEstimate]:
         """How far the run may be off, by body, where the scene's own motion ends; looked at as its phases end."""
@@ -432,6 +460,7 @@ class Simulation:
             tools=self._moving.save(),
             bodies={name: body.save() for name, body in self.bodies.items()},
             joined={island.name: island.save() for island in self._joined},
+            sleeping=self._sleeping.save(),
         ).pack()
 
     def load(self, state: bytes) -> None:
@@ -444,6 +473,7 @@ class Simulation:
                 body.check(saved.bodies[name])
             for island in self._joined:
                 island.check(saved.joined[island.name])
+            self._sleeping.load(saved.sleeping)
             self._moving.load(saved.tools)
         except (KeyError, ValueError, IndexError) as error:
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error

@@ -32,7 +32,7 @@ class StepLosses:
     """Of one body; what is said is about the run so far."""
 
     def __init__(self, scene: Scene, body: AnyBody) -> None:
-        mass = body.total_mass if isinstance(body, Body) else float(body.mass.sum())
+        mass = body.total_mass
         self._least = _FALL * _G * mass * float(np.ptp(body.x_rest, axis=0).max())
         spec = scene.body
         own = isinstance(spec, BodySpec) and any(material.retardation_time > 0.0 for material in spec.materials)
