@@ -24,6 +24,7 @@ from softseam.uneven_friction import in_words
 from softseam.variants import with_settings
 from softseam_protocol.inner_ball import inner_ball
 from softseam_protocol.material_borders import material_borders
+from softseam_protocol.models import some_read
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.parts import SpherePart
@@ -223,7 +224,9 @@ def _inclusion(kind: str, part: Part) -> str:
 def _hidden_viscosity(scene: Scene) -> list[str]:
     """That implicit Euler damps more than the material's viscosity, where fem has cells of it."""
     near, default = scene.regions.near, scene.regions.default
-    if not isinstance(scene.body, BodySpec) or "fem" not in (default, near.model if near else default):
+    if not isinstance(scene.body, BodySpec) or not some_read(
+        (default, near.model if near else default), "fem.integrator"
+    ):
         return []
     time = scene.body.material.retardation_time
     if time == 0.0 or scene.step < time or scene.models.fem.integrator != "implicit_euler":

@@ -10,8 +10,6 @@ from softseam_protocol.messages.session import Event, PartReport
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.scene import Scene
 
-_PBD = {"xpbd": "XPBD", "pbd": "classic PBD", "leapfrog": "leapfrog"}
-
 
 def choice(scene: Scene, first: Observation) -> str:
     """Of every body, from the observation after the first step."""
@@ -27,14 +25,14 @@ def choices(scene: Scene, parts: Mapping[str, PartReport], events: Iterable[Even
 
 
 def _of_body(scene: Scene, name: str, parts: list[PartReport], told: list[str]) -> str:
-    models = {"fem": "FEM", "pbd": _PBD[scene.models.pbd.method]}
+    label = scene.models.label
     if not isinstance(scene.bodies[name], BodySpec):
-        return f"{models['pbd']}, which moves particles"
+        return f"{label(parts[0].model)}, which moves particles"
     total = sum(part.n_cells for part in parts)
     if len(parts) == 1:
-        has = f"{models.get(parts[0].model, parts[0].model)} on all {total} cells"
+        has = f"{label(parts[0].model)} on all {total} cells"
     else:
-        has = ", ".join(f"{models.get(part.model, part.model)} on {part.n_cells}" for part in parts)
+        has = ", ".join(f"{label(part.model)} on {part.n_cells}" for part in parts)
         has += f" of {total} cells"
     if len(scene.bodies) > 1:
         told = [message.removeprefix(f"{name}: ") for message in told if message.startswith(f"{name}: ")]

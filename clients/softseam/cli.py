@@ -24,7 +24,9 @@ from softseam.cli_options import (
 )
 from softseam.commands import commands_after
 from softseam.errors import BadInput, MissingExtra, NoConnection, SceneRefused, ServicesFailed, SoftseamError
+from softseam.variants import models
 from softseam_protocol.extensions import ExtensionError, load_extensions
+from softseam_protocol.models import roles
 from softseam_protocol.scene.scene import SeveralBodies
 
 app = typer.Typer(
@@ -49,8 +51,16 @@ EXIT_CODES = {
     NoConnection: BAD_INPUT,
 }
 """of an error: that of the nearest of its classes; what was refused before it began is bad input"""
-Model = Literal["fem", "pbd", "hybrid"]
-Role = Literal["router", "fem", "pbd", "orchestrator", "recorder"]
+Model = str
+Role = str
+
+
+def _name_choices() -> None:
+    """Let models and services be those of the tables: typer looks these types up as a command is given."""
+    globals().update(Model=Literal[models()], Role=Literal[roles()])
+
+
+_name_choices()
 
 
 def _out() -> Console:
@@ -297,6 +307,7 @@ def main() -> int:
     error_console = Console(stderr=True)
     try:
         load_extensions()
+        _name_choices()
         app()
         return OK
     except (ExtensionError, SeveralBodies) as error:

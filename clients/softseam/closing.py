@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam.columns import shown_unit
+from softseam.columns import shown_unit, spent
 from softseam.view.colors import label
 from softseam_protocol.messages.outcomes import EventKind
 
@@ -160,7 +160,7 @@ def _indicators(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
 def _times(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     wall = report["wall"]
     total = wall["total"]
-    for name in ("fem", "pbd", "coupling", "bus", "record"):
+    for name in spent():
         if wall[name] > 0.0 and total > 0.0:
             yield name, _duration(wall[name]), f"{100.0 * wall[name] / total:.0f} %"
     yield "all steps", _duration(total), "solvers run at the same time"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.session import StepReport
+from softseam_protocol.models import MODELS
 from softseam_protocol.quantities import QUANTITIES, quantity
 
 Floats = NDArray[np.float64]
@@ -15,7 +16,12 @@ Floats = NDArray[np.float64]
 LEDGER = (
     *("kinetic", "strain", "gravity", "drive_work", "contact_loss", "tool_work", "seam_work", "dissipation", "switch"),
 )
-SPENT = ("fem", "pbd", "coupling", "bus", "record", "total")
+TOTAL = "total"
+
+
+def spent() -> tuple[str, ...]:
+    """On what a step spends wall time, models first; besides these there is `TOTAL`."""
+    return (*MODELS, "coupling", "bus", "record")
 
 
 _SHOWN = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "1": ("%", 1e2), "J": ("mJ", 1e3)}
@@ -69,7 +75,7 @@ class Columns:
             if tool in self._pressing:
                 row[f"quantity.{tool}.force"] = float(np.linalg.norm(wrench[:3]))
         row.update((f"energy.{name}", value) for name, value in report.energy.items())
-        row.update((f"seconds.{name}", report.seconds.get(name, 0.0)) for name in SPENT)
+        row.update((f"seconds.{name}", report.seconds.get(name, 0.0)) for name in (*spent(), TOTAL))
         for name, part in report.parts.items():
             self.models[name] = part.model
             row[f"{name}.cells"], row[f"{name}.nodes"] = float(part.n_cells), float(part.n_nodes)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from softseam.duration import expected_duration
 from softseam.odd_motion import odd_motion
 from softseam.odd_units import odd_units
+from softseam_protocol.models import some_read
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.kinds import element_warning
 from softseam_protocol.scene.motion import ClosePhase, HoldPhase, MovePhase, OpenPhase, TurnPhase
@@ -111,8 +112,8 @@ def of_body(name: str, doubt: str) -> str:
 def _left_to_pbd(scene: Scene, body: Body) -> NDArray[np.bool_]:
     """Cells that PBD has, or may have (C,)."""
     near, default = scene.regions.near, scene.regions.default
-    left = np.full(body.n_cells, "pbd" in (default, near.model if near else default))
-    if near is not None and near.model == "fem" and default == "pbd":
+    left = np.full(body.n_cells, some_read((default, near.model if near else default), "pbd.substeps"))
+    if near is not None and some_read([default], "pbd.substeps") and not some_read([near.model], "pbd.substeps"):
         middle = body.x_rest[body.cell_nodes[:, 13]]
         for box in near.boxes:
             left &= ~((middle >= box.min) & (middle <= box.max)).all(axis=1)
@@ -134,7 +135,7 @@ def _stiff_for_pbd(scene: Scene, body: Body) -> list[str]:
 def _large(scene: Scene, n_unknowns: int) -> list[str]:
     """That FEM's factor takes much memory, which grows with the power 1.35 of the unknowns."""
     n = n_unknowns / 2 ** len(scene.symmetry)
-    if scene.regions.default != "fem" or n <= _MANY:
+    if not some_read([scene.regions.default], "fem.element") or n <= _MANY:
         return []
     return [
         f"body.cell: fem factors a matrix of {n:,.0f} unknowns, which takes about {1.5 * (n / _MANY) ** 1.35:.2g} GB, "
@@ -234,7 +235,9 @@ def _repaired_tools(tools: ToolSet) -> list[str]:
 def _locks(scene: Scene) -> list[str]:
     """That FEM's element is too stiff for the scene's material."""
     near, body = scene.regions.near, scene.body
-    if not isinstance(body, BodySpec) or "fem" not in (scene.regions.default, near.model if near else ""):
+    if not isinstance(body, BodySpec) or not some_read(
+        (scene.regions.default, near.model if near else None), "fem.element"
+    ):
         return []
     found = element_warning(
         scene.models.fem.element, max(material.poisson for material in body.materials), body.tetrahedral
@@ -358,11 +361,11 @@ def _pokes_between(scene: Scene, body: Body, coarse: NDArray[np.bool_], tools: T
     Tools beside which cells are FEM's meet none of PBD's.
     """
     near = scene.regions.near
-    if not coarse.any() or "pbd" not in (scene.regions.default, near.model if near else scene.regions.default):
+    if not coarse.any() or not some_read((scene.regions.default, near.model if near else None), "pbd.coarse"):
         return []
     corners = body.x_rest[body.cell_nodes[coarse]].reshape(-1, 3, 3, 3, 3)[:, ::2, ::2, ::2]
     edge = max(float(np.linalg.norm(np.diff(corners, axis=axis), axis=-1).max()) for axis in (1, 2, 3))
-    kept_away = near is not None and near.model == "fem" and near.within is not None
+    kept_away = near is not None and not some_read([near.model], "pbd.coarse") and near.within is not None
     followed = {name for name, near_it in zip(tools.names, tools.near, strict=True) if near_it and kept_away}
     narrow = [
         f"{name} ({1e3 * width:.3g} mm)"

@@ -18,10 +18,10 @@ from softseam_protocol.messages.outcomes import EventKind, FailureKind
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Recorded, SurfaceMesh
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, StepReport
+from softseam_protocol.models import ModelKind, that
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.consistency import candidates
 from softseam_protocol.scene.file import SceneError, scene_from_bundle
-from softseam_protocol.scene.kinds import ModelKind
 from softseam_protocol.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -231,13 +231,14 @@ def surfaces_of(bundle: Bundle, seed: int) -> Mapping[str, SurfaceMesh]:
 def compile_first(scene: Scene) -> None:
     """Compile what no process has compiled yet on this machine and a scene needs, so that no step waits for it."""
     models: set[ModelKind] = set()
+    adjoint = {*that(lambda facts: facts.gives_derivatives)}
     for name, body in scene.bodies.items():
         if not isinstance(body, BodySpec):
             continue  # particles: few kernels, which compile in seconds
         for one in candidates(scene.of(name)):
             regions = one.regions
             models |= {regions.far, *(() if regions.near is None else (regions.near.model,))}
-            models |= set() if regions.goal is None else {"fem"}  # whose kernels solve for the adjoint
+            models |= set() if regions.goal is None else adjoint
     compile_models(models)
 
 
@@ -270,7 +271,8 @@ def tell_of_derivatives() -> None:
     """Say that those of steps are compiled first, where no process has done it yet on this machine."""
     from softseam_services.warm_up import never_compiled
 
-    if never_compiled("fem", "step_derivative") and sys.stderr.isatty():
+    able = that(lambda facts: facts.gives_derivatives)
+    if any(never_compiled(model, "step_derivative") for model in able) and sys.stderr.isatty():
         print("compiling the derivatives of steps for this machine, once: half a minute", file=sys.stderr)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from softseam.columns import Columns
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.session import Event
+from softseam_protocol.models import some_read
 from softseam_protocol.scene.kinds import INTEGRATORS
 from softseam_protocol.scene.motion import ClosePhase, GripPhase, MovePhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
@@ -32,11 +33,12 @@ def touched(columns: Columns, tool: str) -> bool:
 
 def _moving(scene: Scene, columns: Columns) -> Iterator[str]:
     """Bodies that were to be found at rest, and have parts by XPBD, which knows no rest but what motion ends in."""
-    if INTEGRATORS[scene.models.fem.integrator].moves or "pbd" not in columns.models.values():
+    others = [model for model in columns.models.values() if not some_read([model], "fem.integrator")]
+    if INTEGRATORS[scene.models.fem.integrator].moves or not others:
         return
     yield (
-        f"models.fem.integrator: {scene.models.fem.integrator}: the run is by pbd, which moves the body, so its values "
-        "swing until something damps them: say body.damping, or take fem"
+        f"models.fem.integrator: {scene.models.fem.integrator}: the run is by {others[0]}, which moves the body, so "
+        "its values swing until something damps them: say body.damping, or take fem"
     )
 
 

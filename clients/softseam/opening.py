@@ -25,7 +25,7 @@ def open(
 
     scene     path of a scene file, the name of a bundled scene ("tofu_grasp"), or a Scene
     connect   endpoint of a router with an orchestrator behind it, e.g. "tcp/127.0.0.1:7447"; None: in this process
-    model     "fem", "pbd" or "hybrid" in place of what the scene says
+    model     name of one, such as fem or pbd, or "hybrid", in place of what the scene says
     settings  "key.key=value", each in place of what the scene says
     record    file to record to (in this process), or True to have the bus's recorder record the session
     timeout   longest wait for an answer over the bus [s]

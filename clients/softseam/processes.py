@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from softseam.errors import BadInput, ServicesFailed, require_extra
+from softseam_protocol.models import roles
 
 if TYPE_CHECKING:
     from softseam_services.bus_options import BusOptions
 
-ROLES = ("router", "fem", "pbd", "orchestrator", "recorder")
 PURPOSE = "running services"
 
 
@@ -73,7 +73,7 @@ def health(connect: str | None, deployment: str | None) -> int:
     """Print which services are well; 0 if all are."""
     from softseam_services.__main__ import show_health
 
-    return show_health(replace(_options(connect, deployment), listen="", wait=3.0), ROLES)
+    return show_health(replace(_options(connect, deployment), listen="", wait=3.0), roles())
 
 
 def _routes(given: tuple[str, ...]) -> dict[str, str]:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.choice import choices
-from softseam.columns import SPENT, Columns, unit_of
+from softseam.columns import TOTAL, Columns, spent, unit_of
 from softseam.not_done import not_done
 from softseam.outputs import cannot_write
 from softseam.rounding import Rounding
@@ -165,11 +165,11 @@ class ReportBuilder:
 
     def _wall(self, setup_seconds: float) -> dict[str, Any]:
         c = self.columns
-        spent = {name: _sum(c[f"seconds.{name}"]) for name in SPENT}
-        total, median = spent["total"], float(np.median(c["seconds.total"])) if len(c) else 0.0
+        found = {name: _sum(c[f"seconds.{name}"]) for name in (*spent(), TOTAL)}
+        total, median = found[TOTAL], float(np.median(c["seconds.total"])) if len(c) else 0.0
         return {
             "unit": "s",
-            **spent,
+            **found,
             "setup": setup_seconds,
             "step_median": median,
             "rtf": len(c) * self._scene.step / total if total > 0.0 else None,

@@ -5,11 +5,12 @@ from __future__ import annotations
 import difflib
 import json
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 
 from softseam.errors import BadInput, SceneRefused
+from softseam_protocol.models import MODELS, taking
 from softseam_protocol.scene import marked_yaml
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.file import SceneError, scene_from_document, scene_json
@@ -19,7 +20,14 @@ from softseam_protocol.scene.scene import Scene
 AS_GIVEN = ("budget=null", "tolerance=null")
 """settings with which a scene is simulated as it stands, whatever accuracy it asks for"""
 
-Model = Literal["fem", "pbd", "hybrid"]
+Model = str
+"""a row of MODELS, or HYBRID"""
+HYBRID = "hybrid"
+
+
+def models() -> tuple[Model, ...]:
+    """What may be asked for in place of what a scene says, once extensions have added their models."""
+    return (*MODELS, HYBRID)
 
 
 def with_model(scene: Scene, model: Model) -> Scene:
@@ -28,24 +36,26 @@ def with_model(scene: Scene, model: Model) -> Scene:
     Hybrid is FEM where the scene's near region says so; of a scene that has none, in cells within half a cell of the
     tools that move, of all where none does. It is refused where there are no tools, or no cells whose size is known.
     """
-    if model not in get_args(Model):
-        raise BadInput(f"no model is called {model!r}; there are: {', '.join(get_args(Model))}")
+    if model not in models():
+        raise BadInput(f"no model is called {model!r}; there are: {', '.join(models())}")
     if len(scene.bodies) > 1:
         raise BadInput(
             f"the scene {scene.name!r} has several bodies, each with its own model: say regions.default of each, "
             f"e.g. --set bodies.{next(iter(scene.bodies))}.regions={{default: fem}}"
         )
-    if model != "pbd" and not isinstance(scene.body, BodySpec):
+    moving = taking("particles")
+    if model not in moving and not isinstance(scene.body, BodySpec):
         raise BadInput(
-            f"the scene {scene.name!r} has a {scene.body.kind}, which is made of particles: only pbd moves it"
+            f"the scene {scene.name!r} has a {scene.body.kind}, which is made of particles: only "
+            f"{' and '.join(moving)} moves it"
         )
-    if model == "hybrid":
+    if model == HYBRID:
         near = scene.regions.near
         if near is None or near.model == scene.regions.default:
             return _cut_near_tools(scene)
         always = near.model_copy(update={"split": "always"})
         return scene.model_copy(update={"regions": scene.regions.model_copy(update={"near": always})})
-    symmetry = scene.symmetry if model == "fem" else ()  # only FEM solves for one side
+    symmetry = scene.symmetry if MODELS[model].one_side else ()
     return scene.model_copy(update={"regions": RegionsSpec(default=model), "symmetry": symmetry})
 
 

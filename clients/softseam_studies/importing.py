@@ -21,8 +21,10 @@ from rich.text import Text
 
 from softseam.errors import BadInput, SceneRefused
 from softseam.outputs import cannot_write, check_outputs, write_whole
+from softseam_protocol.models import NEAR_DEFAULT, PARTICLES_DEFAULT
 from softseam_protocol.scene import marked_yaml
 from softseam_protocol.scene.file import MAX_SCENE_BYTES, SceneError, parse_scene
+from softseam_protocol.scene.models import CLASSIC_PBD
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ _FEM = _Template(
             "top": {"kind": "box", "size": [0.06, 0.06, 0.01], "position": [0, 0, 0.036], "friction": 0.5},
         },
         "motion": [{"tools": ["bottom", "top"], "close": 0.02, "until": {"compression": 0.1}}, {"hold": 0.05}],
-        "regions": {"default": "fem"},
+        "regions": {"default": NEAR_DEFAULT},
         "quantities": ["grip_force", "compression", "peak_von_mises"],
     },
 )
@@ -106,8 +108,8 @@ _PBD = _Template(
             "damping": 1.0,
         },
         "tools": {"ground": {"kind": "plane"}, "ball": {"kind": "sphere", "radius": 0.06, "position": [0, 0, 0.07]}},
-        "regions": {"default": "pbd"},
-        "models": {"pbd": {"method": "pbd"}},
+        "regions": {"default": PARTICLES_DEFAULT},
+        "models": {PARTICLES_DEFAULT: {"method": CLASSIC_PBD}},
         "quantities": ["worst_stretch", "stretch_violation", "sag"],
     },
 )

@@ -8,16 +8,24 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from softseam_protocol.errors import ProtocolError
+from softseam_protocol.extensions import ExtensionError, load_extensions
+from softseam_protocol.models import roles, solved_here
 from softseam_services.bus_options import BusOptions
-from softseam_services.launch import RECORDINGS, ROLES, ServeOptions, UpOptions, route, say, serve, up
+from softseam_services.launch import RECORDINGS, ServeOptions, UpOptions, route, say, serve, up
+from softseam_services.supervisor import WRONG_SET_UP
 
 
 def main(argv: Sequence[str] | None = None) -> int:
+    try:
+        load_extensions()
+    except ExtensionError as error:
+        say(str(error))
+        return WRONG_SET_UP
     parser = argparse.ArgumentParser(prog="python -m softseam_services", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
 
     one = commands.add_parser("serve", help="run one service until SIGTERM or Ctrl-C")
-    one.add_argument("role", choices=ROLES)
+    one.add_argument("role", choices=roles())
     one.add_argument("--guard", action="store_true", help="restart it when it dies or freezes")
     every = commands.add_parser("up", help="run all services of this machine until Ctrl-C")
     for command in (one, every):
@@ -29,11 +37,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     every.add_argument("client", nargs="*", help="a command to run once all services are ready")
 
     warm = commands.add_parser("warm", help="compile every kernel into numba's cache")
-    warm.add_argument("what", nargs="+", choices=("fem", "pbd", "particles", "orchestrator"))
+    warm.add_argument("what", nargs="+", choices=(*solved_here(), "particles", "orchestrator"))
 
     health = commands.add_parser("health", help="say which services are well; 0 if all are")
     _add_bus(health)
-    health.add_argument("--role", action="append", choices=ROLES, help="only this one; may be given several times")
+    health.add_argument("--role", action="append", choices=roles(), help="only this one; may be given several times")
 
     args = parser.parse_args(argv)
     if args.command == "serve":
@@ -42,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return up(UpOptions(_bus(args), args.directory, tuple(args.client), routes=dict(args.route)))
     if args.command == "warm":
         return _warm(args.what)
-    return show_health(_bus(args), tuple(args.role or ROLES))
+    return show_health(_bus(args), tuple(args.role or roles()))
 
 
 def _add_bus(parser: argparse.ArgumentParser) -> None:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError
 from softseam_protocol.messages.operations import Progress
+from softseam_protocol.models import MODELS, service_of
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode
 
-EXPECTED = ("fem", "pbd", "orchestrator", "recorder")
 _BEATS = 1.0
 """a service that is well beats several times in this span [s]"""
 
@@ -41,8 +41,15 @@ class ServiceHealth:
         return f"{self.service}: {meaning[self.state]}"
 
 
-def probe(bus: Bus, keys: Keys, services: tuple[str, ...] = EXPECTED, *, beats: bool = True) -> list[ServiceHealth]:
-    """The health of the services named; without `beats` only whether they are there (quicker)."""
+def expected() -> tuple[str, ...]:
+    """The services of a deployment: those of all models, the orchestrator and the recorder."""
+    return (*(service_of(model) for model in MODELS), "orchestrator", "recorder")
+
+
+def probe(bus: Bus, keys: Keys, services: tuple[str, ...] | None = None, *, beats: bool = True) -> list[ServiceHealth]:
+    """The health of the services named, by default of all that are expected; without `beats` only whether they are
+    there (quicker)."""
+    services = expected() if services is None else services
     heard: dict[str, Progress] = {}
     inbox = bus.subscribe(keys.every_progress) if beats else None
     tokens = (keys.read_live(key) for key in bus.live(keys.every_live()))

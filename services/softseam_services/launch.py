@@ -13,6 +13,7 @@ from pathlib import Path
 
 from softseam_protocol.errors import BusError, ProtocolError
 from softseam_protocol.extensions import ExtensionError, load_extensions
+from softseam_protocol.models import MODELS, roles, solved_here
 from softseam_protocol.table import MissingRow
 from softseam_protocol.topics import checked
 from softseam_services.bus_options import BusOptions
@@ -21,8 +22,6 @@ from softseam_services.lifeline import Lifeline
 from softseam_services.recorder.whole_file import RecordError
 from softseam_services.supervisor import WRONG_SET_UP, Limits, Supervisor
 
-MODELS = ("fem", "pbd")
-ROLES = ("router", *MODELS, "orchestrator", "recorder")
 _GRACE = {"recorder": 30.0, "orchestrator": 15.0}
 RECORDINGS = Path("recordings")
 
@@ -65,17 +64,21 @@ def route(text: str) -> tuple[str, str]:
 
 def serve(role: str, options: ServeOptions) -> int:
     """Serve one role until SIGTERM or Ctrl-C: 0, 2 where it is set up wrongly, 1 for what should not happen."""
-    if role not in ROLES:
-        say(f"no service is called {role!r}; there are: {', '.join(ROLES)}")
+    try:
+        load_extensions()
+    except ExtensionError as error:
+        say(str(error))
+        return WRONG_SET_UP
+    if role not in roles():
+        say(f"no service is called {role!r}; there are: {', '.join(roles())}")
         return WRONG_SET_UP
     if options.guard:
         return _guard(role, options)
     logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stderr)
     try:
-        load_extensions()
         with Lifeline() as life:
             _serve(role, options, life)
-    except (BusError, ExtensionError, MissingRow, RecordError) as error:
+    except (BusError, MissingRow, RecordError) as error:
         say(str(error))
         return WRONG_SET_UP
     except ProtocolError as error:
@@ -90,7 +93,7 @@ def _serve(role: str, options: ServeOptions, life: Lifeline) -> None:
         from softseam_services.router import serve_router
 
         serve_router(options.bus.connect, life)
-    elif role in MODELS:
+    elif role in solved_here():
         from softseam_services.participant_service import serve_participant
         from softseam_services.tables import check_tables
 
@@ -160,7 +163,7 @@ class UpOptions:
 def supervisor(options: UpOptions, report: Callable[[str], None] = say) -> Supervisor:
     """All services of this machine, the router first; use as a context manager."""
     serve_options = ServeOptions(options.bus, options.directory.absolute(), routes=options.routes)
-    order = ("router", "fem", "pbd", "recorder", "orchestrator")
+    order = ("router", *solved_here(), "recorder", "orchestrator")
     return Supervisor([child(role, serve_options) for role in order], report, options.limits)
 
 

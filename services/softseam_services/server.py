@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.participant import Bundle, Configure, Configured
+from softseam_protocol.models import MODELS, service_of, taking
 from softseam_protocol.participant.requests import Participant
 from softseam_protocol.participant.solver import Solver
 from softseam_protocol.scene.file import scene_from_bundle
@@ -19,9 +20,9 @@ from softseam_services.blas import use_one_thread
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody, build_any_body
 from softseam_services.body.particles import ParticleBody
-from softseam_services.body.region import build_region
 from softseam_services.built import Built
 from softseam_services.orchestrator.default_model import with_model
+from softseam_services.solvers import SOLVERS
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.symmetry import check_symmetry
 from softseam_services.tools.tool_set import ToolSet
@@ -56,47 +57,22 @@ def build_setup(bundle: Bundle, name: str = ONLY_BODY) -> Setup:
 
 
 def build_solver(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Configured]:
-    """The solver that a Configure asks for, of what is built already. Imports only the model that is asked for."""
-    if isinstance(setup.body, ParticleBody):
-        return _particle_solver(setup, setup.body, request)
-    region = build_region(setup.body, request.cells, request.seam_nodes, request.owns_seam_points)
-    solver: Solver
-    moving, substeps = (0.0, 0.0), 1
-    if request.model == "fem":
-        from softseam_services.fem.region_tables import RegionTables
-        from softseam_services.fem.solver import FemSolver
+    """The solver that a Configure asks for, of what is built already. Imports only the model that is asked for.
 
-        tables = built.find(setup.body, request)
-        tables = tables or RegionTables(setup.body, region, setup.tools, setup.scene, built.structures)
-        fem = FemSolver(setup.scene, setup.body, region, setup.tools, request.state, tables)
-        built.keep(setup.body, request, fem.tables)
-        solver, moving = fem, fem.moving
-    elif request.model == "pbd":
-        from softseam_services.pbd.model import STRUCTURES, lay_out
-        from softseam_services.pbd.solver import PbdSolver
-
-        structure = STRUCTURES.find(lay_out(setup.body, region, setup.tools, setup.scene.models.pbd))
-        pbd = PbdSolver(setup.scene, setup.body, region, setup.tools, request.state, structure)
-        solver, moving, substeps = pbd, pbd.moving, pbd.substeps
-    else:
-        raise ValueError(f"no model is called {request.model!r}; there are: fem, pbd")
-    n_nodes, n_cells = len(region.nodes), len(region.cells)
-    told = Configured(request.header, n_nodes, n_cells, substeps, solver.strain, *moving, 0.0, solver.capabilities)
-    return solver, told
-
-
-def _particle_solver(setup: Setup, body: ParticleBody, request: Configure) -> tuple[Solver, Configured]:
-    """A sheet or rope is one region, whole."""
-    if request.model != "pbd":
-        raise ValueError(
-            f"a {body.kind} is made of particles: the model {request.model!r} cannot take it, only pbd can"
-        )
-    from softseam_services.pbd.particles.model import STRUCTURES, lay_out
-    from softseam_services.pbd.particles.solver import ParticleSolver
-
-    structure = STRUCTURES.find(lay_out(body, setup.scene.models.pbd))
-    solver = ParticleSolver(setup.scene, body, setup.tools, request.state, structure)
-    return solver, Configured(request.header, body.n_nodes, 0, solver.substeps, solver.strain, *solver.moving)
+    Raises ValueError for a model that is none, that is not solved here or cannot take the body.
+    """
+    model, body = request.model, setup.body
+    if isinstance(body, ParticleBody) and model not in taking("particles"):
+        able = " and ".join(taking("particles"))
+        raise ValueError(f"a {body.kind} is made of particles: the model {model!r} cannot take it, only {able} can")
+    if model not in SOLVERS:
+        if model in MODELS:
+            raise ValueError(
+                f"the model {model!r} is solved by the service {service_of(model)!r}, which is not softseam's own: run "
+                "it beside the others (softseam up), and connect to them"
+            )
+        raise ValueError(f"no model is called {model!r}; there are: {', '.join(MODELS)}")
+    return SOLVERS[model].build(setup, request, built)
 
 
 class ParticipantServer(Participant):

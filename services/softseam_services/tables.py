@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from softseam_coupling.interfaces import KINDS
 from softseam_coupling.loops import LOOPS
+from softseam_protocol.models import MODELS, solved_here
 from softseam_protocol.scene.interfaces import INTERFACES
 from softseam_protocol.scene.kinds import ELEMENTS, INTEGRATORS, SCHEMES
 from softseam_protocol.scene.materials import MATERIALS
@@ -19,6 +20,7 @@ from softseam_services.fem import elements
 from softseam_services.fem.integrators import table as integrators
 from softseam_services.pbd.particles import constraints
 from softseam_services.shapes import SHAPES
+from softseam_services.solvers import SOLVERS
 
 
 def check_tables() -> None:
@@ -34,3 +36,4 @@ def check_tables() -> None:
         (PARTS, SHAPES),
     ):
         done.require(said, f"the table of {said.title}")
+    SOLVERS.require(solved_here(), f"the table of {MODELS.title}")

@@ -25,6 +25,7 @@ from softseam_protocol.messages.participant import (
     Bundle,
     Commit,
     Configure,
+    Configured,
     Correct,
     Failure,
     Observe,
@@ -34,11 +35,13 @@ from softseam_protocol.messages.participant import (
     Snapshot,
     SnapshotTaken,
 )
+from softseam_protocol.models import FAR_DEFAULT, MODELS
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.kernel_cache import compiling
 from softseam_services.server import ParticipantServer, build_setup
+from softseam_services.solvers import SOLVERS
 from softseam_services.tools.motion import tool_motion
 
 SESSION = "warm-up"
@@ -83,11 +86,16 @@ def warm_scene(model: str, mesh: bool = False) -> Scene:
 
 
 def warm_participant(model: str, mesh: bool = False) -> None:
-    """Let a participant of `model` answer every kind of request; mesh: of a mesh as a tool too. Raises WarmUpFailed."""
+    """Let a participant of `model` answer every kind of request; mesh: of a mesh as a tool too. Raises WarmUpFailed.
+
+    Does nothing for a model without kernels.
+    """
+    if not SOLVERS[model].kernels:
+        return
     with compiling(model):
         _ask_everything(model, mesh)
-        if model == "fem":
-            _solve_one_side()
+        if MODELS[model].one_side:
+            _solve_one_side(model)
 
 
 def _asked(server: ParticipantServer, request: Request) -> object:
@@ -101,20 +109,20 @@ def _header(step: int, exchange: int = 0) -> Header:
     return Header(SCHEMA_VERSION, SESSION, "near", 0, step, exchange, 0.005 * step)
 
 
-def _solve_one_side() -> None:
+def _solve_one_side(model: str) -> None:
     """Of the same block on the ground, which is symmetric."""
-    scene = warm_scene("fem")
+    scene = warm_scene(model)
     ground = {
         "tools": {"ground": scene.tools["ground"]},
         "motion": (),
-        "regions": RegionsSpec(default="fem"),
+        "regions": RegionsSpec(default=model),
         "symmetry": ("x",),
     }
     bundle = Bundle(scene.model_copy(update=ground).model_dump_json(), {})
     setup = build_setup(bundle)
     server = ParticipantServer()
     server.adopt(bundle, {ONLY_BODY: setup})
-    _asked(server, Configure(_header(0), bundle, "fem", np.array([0, 1], dtype=np.int32), np.zeros(0, dtype=np.int32)))
+    _asked(server, Configure(_header(0), bundle, model, np.array([0, 1], dtype=np.int32), np.zeros(0, dtype=np.int32)))
     tools = setup.tools
     motion = tool_motion(tools, tools.position, tools.orientation, np.zeros((1, 6)), scene.step)
     _asked(server, Advance(_header(0), scene.step, np.zeros((0, 3)), motion, False))
@@ -131,7 +139,8 @@ def _ask_everything(model: str, mesh: bool) -> None:
     tools, scene = setup.tools, setup.scene
     assert isinstance(setup.body, Body)
     shared = np.intersect1d(setup.body.cell_nodes[0], setup.body.cell_nodes[1]).astype(np.int32)
-    ask(Configure(header(0), bundle, model, np.array([0], dtype=np.int32), shared))
+    configured = ask(Configure(header(0), bundle, model, np.array([0], dtype=np.int32), shared))
+    assert isinstance(configured, Configured)
     command = np.zeros((len(tools.names), 6))
     command[tools.names.index("ball"), 2:4] = -0.02, 0.1
     position, orientation = tools.position.copy(), tools.orientation.copy()
@@ -140,7 +149,7 @@ def _ask_everything(model: str, mesh: bool) -> None:
         for exchange in range(2):
             force = np.full((len(shared), 3), 1e-4 * exchange)
             ask(Advance(header(step, exchange), scene.step, force, motion, exchange == 0))
-        if model == "fem":
+        if configured.capabilities is not None and configured.capabilities.impedance:
             anchor, stiffness = setup.body.x_rest[shared], np.eye(3 * len(shared))
             ask(Advance(header(step, 2), scene.step, force, motion, False, anchor, stiffness))
         ask(Correct(header(step, 3), force, force))
@@ -155,7 +164,9 @@ def _ask_everything(model: str, mesh: bool) -> None:
 
 def never_compiled(model: str, module: str = "*") -> bool:
     """Whether kernels of `model`, all or those of one module, are nowhere beside their sources, but could be."""
-    spec = find_spec(f"softseam_services.{model}.kernels")
+    if model not in SOLVERS or not SOLVERS[model].kernels:
+        return False
+    spec = find_spec(SOLVERS[model].kernels)
     assert spec is not None and spec.origin is not None
     folder = Path(spec.origin).parent
     settings = vars(config)
@@ -179,7 +190,9 @@ def compile_side_by_side(models: Iterable[str]) -> None:
 @cache
 def load_kernels(model: str) -> None:
     """Take a step of a small body by `model`, once a process: what a step needs is read from numba's cache then, some
-    tenths of a second that the first step of a simulation would wait for."""
+    tenths of a second that the first step of a simulation would wait for. Does nothing for a model without kernels."""
+    if model not in SOLVERS or not SOLVERS[model].kernels:
+        return
     whole = {"regions": RegionsSpec.model_validate({"default": model})}
     _take_steps(warm_scene(model).model_copy(update=whole), steps=1)
 
@@ -192,8 +205,8 @@ def settle() -> None:
 
 def warm_orchestrator() -> None:
     """Run a few coupled steps in this process: coupling, regions, hand-over and read-out."""
-    with compiling("pbd"):
-        _take_steps(warm_scene("pbd"))
+    with compiling(FAR_DEFAULT):
+        _take_steps(warm_scene(FAR_DEFAULT))
 
 
 def warm_particles() -> None:

@@ -28,7 +28,7 @@ from softseam_protocol.bus.client import Bus
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.session import StepReport
 from softseam_protocol.topics import Keys
-from softseam_services.health import EXPECTED, probe
+from softseam_services.health import expected, probe
 
 pytestmark = pytest.mark.docker
 
@@ -76,7 +76,7 @@ class Deployment:
         end = time.monotonic() + timeout
         with Bus(self.endpoint, connect_timeout=timeout) as bus:
             while True:
-                found = probe(bus, Keys(), EXPECTED)
+                found = probe(bus, Keys())
                 if all(one.state == "well" for one in found):
                     return
                 assert time.monotonic() < end, "\n".join(map(str, found)) + self.compose("logs", "--no-color")
@@ -197,7 +197,7 @@ def test_the_recording_is_shown_as_a_web_page(deployment: Deployment) -> None:
 
 def test_containers_are_confined(deployment: Deployment) -> None:
     """Non-root, read-only, no capabilities, nothing published but the loopback port of this test."""
-    for service in ("router", *EXPECTED):
+    for service in ("router", *expected()):
         container = deployment.container(service)
         user = deployment.docker("exec", container, "id", "-u")
         assert user == "10001"
@@ -214,7 +214,7 @@ def test_containers_are_confined(deployment: Deployment) -> None:
 
 def test_docker_sees_health(deployment: Deployment) -> None:
     end = time.monotonic() + 90.0
-    for service in ("router", *EXPECTED):
+    for service in ("router", *expected()):
         container = deployment.container(service)
         while (health := deployment.docker("inspect", "-f", "{{.State.Health.Status}}", container)) != "healthy":
             assert time.monotonic() < end, f"{service}: {health}"

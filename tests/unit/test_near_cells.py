@@ -19,9 +19,11 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
-from softseam_services.orchestrator.cost import DEARER, one_is_enough, substeps
+from softseam_services.fem.cost import DEARER
+from softseam_services.orchestrator.cost import one_is_enough
 from softseam_services.orchestrator.near_cells import NearCells, Unmet
 from softseam_services.orchestrator.sides import Sides, cut
+from softseam_services.pbd.cost import substeps
 from softseam_services.pbd.model import build_model
 from softseam_services.pbd.parameters import build_parameters
 from softseam_services.server import build_setup

@@ -229,7 +229,7 @@ BAD = [
     ("{hold: 0.3}", "{hold: 0.3, speed: 1}", 16, "motion.1.speed", "unknown key (allowed: hold)"),
     ("move: [0, 0, 0.05]", "move: [0, 0, 0]", 17, "motion.2.move", "zero length: use hold"),
     ("[left, right], move", "[], move", 17, "motion.2.tools", "too few"),
-    ("default: pbd", "default: mpm", 19, "regions.default", '"mpm" is not known here'),
+    ("default: pbd", "default: mpm", 19, "regions.default", '"mpm" is not in the table of models (allowed: fem, pbd)'),
     ("within: 0.012", "patience: 3", 20, "regions.near", "say which cells are near"),
     ("within: 0.012", "within: 1, tools: [thumb]", 20, "regions.near.tools.0", "no tool is called 'thumb'"),
     ("within: 0.012", "boxes: [{min: [0, 2, 0], max: [1, 1, 1]}]", 20, "regions.near.boxes.0.min.1", "exceeds max 1"),

@@ -47,6 +47,7 @@ from numpy.typing import NDArray
 from softseam.claims.readings import READINGS, measured
 from softseam.columns import shown_unit
 from softseam.norm import is_nothing, rms
+from softseam_protocol.models import REFERENCE
 from softseam_protocol.quantities import OF_TOOLS, quantity
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
@@ -120,7 +121,7 @@ class Scale:
         grips = [phase for phase in scene.motion if isinstance(phase, ClosePhase)]
         timed = any(grip.force is not None or grip.until.force is not None for grip in grips)
         free = any(not body.fixed for body in scene.bodies.values())
-        alike, taken = report["model"] == "fem", motion_taken(report["energy"])
+        alike, taken = report["model"] == REFERENCE, motion_taken(report["energy"])
         return cls(alike, taken, timed, finer, free, cell=cell)
 
     def at(self, name: str) -> Scale:

@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 from softseam.step_cost import fem_step, xpbd_step
 from softseam.variants import AS_GIVEN, changed, refusal
 from softseam_protocol.messages.session import Frame
+from softseam_protocol.models import NEAR_DEFAULT, REFERENCE, ModelKind
 from softseam_protocol.nearest_axes import nearest_axes
 from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
 from softseam_protocol.scene.file import SceneError
 from softseam_protocol.scene.implied import implied_model
-from softseam_protocol.scene.kinds import ModelKind
 from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -80,7 +80,7 @@ def sibling_of(scene: Scene, frames: Mapping[str, Frame]) -> Sibling:
         regions = scene.of(name).regions
         if regions.near is not None:
             before += BOTH * fem_step(n_cells)
-        elif _model(scene.of(name), bodies[name]) == "fem":
+        elif _model(scene.of(name), bodies[name]) == REFERENCE:
             before += fem_step(n_cells * 0.5 ** len(scene.symmetry))
         else:
             before += xpbd_step(n_cells, scene.step)
@@ -100,7 +100,7 @@ def sibling_of(scene: Scene, frames: Mapping[str, Frame]) -> Sibling:
 def _model(scene: Scene, body: BodySpec) -> ModelKind:
     """Model of a body that is not cut: where the scene leaves that open, the one that it gets unless it is large."""
     implied = implied_model(body, scene.models, scene.symmetry)
-    return scene.regions.default or (implied[0] if implied else "fem")
+    return scene.regions.default or (implied[0] if implied else NEAR_DEFAULT)
 
 
 def cell_edges(body: BodySpec, frame: Frame) -> Floats:

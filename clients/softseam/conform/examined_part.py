@@ -33,7 +33,9 @@ from softseam_protocol.messages.participant import (
     Released,
     ToolMotion,
 )
+from softseam_protocol.models import NEAR_DEFAULT, taking
 from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.models import FemSpec, ModelsSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.topics import ParticipantReply
 from softseam_protocol.wire.codec import decode, encode
@@ -182,8 +184,8 @@ class ExaminedPart:
                     "cell": EDGE,
                     "material": {"young": YOUNG, "poisson": POISSON, "density": DENSITY},
                 },
-                "regions": {"default": "pbd" if service.model == "pbd" else "fem"},
-                "models": {"fem": {"tolerance": 1e-8}},
+                "regions": {"default": service.model if service.model in taking("cells") else NEAR_DEFAULT},
+                "models": ModelsSpec(fem=FemSpec(tolerance=1e-8)),
             }
         )
         cells = np.arange(2, dtype=np.int32)

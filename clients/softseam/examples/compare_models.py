@@ -8,11 +8,12 @@ from __future__ import annotations
 from time import perf_counter
 
 import softseam
+from softseam.variants import models
 
 
 def main() -> None:
     print("model    grip [N]  lift [mm]  slip [mm]  RTF")
-    for model in ("fem", "pbd", "hybrid"):
+    for model in models():
         with softseam.open("tofu_grasp", model=model) as sim:
             sim.reset()
             sim.step()  # the first step compiles

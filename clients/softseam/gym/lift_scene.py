@@ -24,12 +24,14 @@ SUBSTEPS = 40
 """of XPBD in an action, 1 ms each: stable for all that `Randomise` draws by default (docs/decisions/54)"""
 
 LiftModel = Literal["fem", "xpbd"]
+BY_FEM: LiftModel = "fem"
+BY_XPBD: LiftModel = "xpbd"
 
 _OF_MODEL: dict[LiftModel, tuple[str, ...]] = {
     # 2x2x2 cells of 27 nodes: within 5 % of the truth (docs/results/chart.md), the fastest that is
-    "fem": ("body.cell=[0.025, 0.025, 0.025]",),
+    BY_FEM: ("body.cell=[0.025, 0.025, 0.025]",),
     # 5x5x5 cells, each one block; without the viscosity, which implicit steps of FEM do not show either
-    "xpbd": (
+    BY_XPBD: (
         "body.cell=[0.01, 0.01, 0.01]",
         "body.material.retardation_time=0",
         f"models.pbd={{coarse: {{boxes: [{{min: [-1, -1, -1], max: [1, 1, 1]}}]}}, substeps: {SUBSTEPS}}}",

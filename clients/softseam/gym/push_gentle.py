@@ -18,6 +18,7 @@ from softseam.gym.scene_env import Numbers
 from softseam.gym.sight import BOUND, logarithm
 from softseam.gym.task_env import ACT, Frame, TaskEnv
 from softseam.observation import Observation
+from softseam_protocol.models import REFERENCE
 
 FINGER = "finger"
 STEPS = 100
@@ -103,7 +104,7 @@ class PushGentle(TaskEnv[Push]):
             Frame(
                 step=step,
                 environments=environments,
-                model="fem",
+                model=REFERENCE,
                 settings=(*_settings(step), *settings),
                 connect=connect,
                 record=record,

@@ -16,6 +16,7 @@ from softseam.gym.reward import GENTLE, Grip, Term
 from softseam.gym.task_env import ACT, Frame
 from softseam.opening import open as open_session
 from softseam.scenes import load_scene, scene_path
+from softseam_protocol.models import REFERENCE
 from softseam_protocol.scene.bodies import BodySpec, MeshShape
 from softseam_protocol.scene.scene import Scene
 
@@ -60,7 +61,7 @@ class SliceLift(PadLift):
         if not isinstance(load_scene(scene).one, BodySpec):
             raise BadInput(f"shape={str(shape)!r} has no body in cells, or several: give a scene with one, or a mesh")
         alone = [*_of_any_lift(step), _pads(np.zeros(3), 0, _AWAY), *settings]
-        with open_session(scene, connect, model="fem", settings=alone) as measured:
+        with open_session(scene, connect, model=REFERENCE, settings=alone) as measured:
             surface = measured.reset(seed=0).surface
         extent = np.ptp(surface, axis=0)
         axis = int(np.argmin(extent[:2]))
@@ -78,7 +79,7 @@ class SliceLift(PadLift):
             Frame(
                 step=step,
                 environments=environments,
-                model="fem",
+                model=REFERENCE,
                 settings=(*_of_any_lift(step), _pads(more * extent, axis, reach), *settings),
                 connect=connect,
                 record=record,

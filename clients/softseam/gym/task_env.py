@@ -21,6 +21,7 @@ from softseam.gym.sight import BOUND
 from softseam.observation import Observation
 from softseam.session import Session
 from softseam.variants import Model
+from softseam_protocol.models import some_read
 from softseam_protocol.scene.scene import Scene
 
 ACT = 0.04
@@ -89,7 +90,7 @@ class TaskEnv(SceneEnv, Generic[Standing]):
             render_mode=frame.render_mode,
         )
         self._terms, self._environments = tuple(reward), frame.environments
-        self._felt_tools, self._means = tuple(felt), frame.model == "pbd"
+        self._felt_tools, self._means = tuple(felt), some_read([frame.model], "pbd.substeps")
         self.steps = 0
         """of training, in this environment; set it to go on where another one stopped"""
         self.action_space = Box(-1.0, 1.0, (actions,), np.float32)

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from softseam.errors import BadInput
-from softseam.gym.lift_scene import SUBSTEPS, LiftModel, settings_of
+from softseam.gym.lift_scene import BY_FEM, BY_XPBD, SUBSTEPS, LiftModel, settings_of
 from softseam.gym.pad_lift import Floats, PadLift
 from softseam.gym.randomise import Randomise
 from softseam.gym.reward import GENTLE, Grip, Term
 from softseam.gym.task_env import ACT, Frame, parts_of_an_action
+from softseam_protocol.models import FAR_DEFAULT, REFERENCE
 
 
 class TofuLift(PadLift):
@@ -37,7 +38,7 @@ class TofuLift(PadLift):
         *,
         reward: Sequence[Term[Grip]] = GENTLE,
         randomise: Randomise | None = Randomise(),  # noqa: B008 - it is frozen
-        model: LiftModel = "fem",
+        model: LiftModel = BY_FEM,
         step: float = ACT,
         environments: int = 1,
         settings: Sequence[str] = (),
@@ -46,7 +47,7 @@ class TofuLift(PadLift):
         render_mode: str | None = None,
     ) -> None:
         """Other arguments as for `SceneEnv`."""
-        if model not in ("fem", "xpbd") or (model == "xpbd" and parts_of_an_action(step) > 1):
+        if model not in (BY_FEM, BY_XPBD) or (model == BY_XPBD and parts_of_an_action(step) > 1):
             raise BadInput(f"model={model!r}, step={step!r}: there are fem, and xpbd with steps of {ACT} s")
         self._lift_model = model
         super().__init__(
@@ -54,7 +55,7 @@ class TofuLift(PadLift):
             Frame(
                 step=step,
                 environments=environments,
-                model="pbd" if model == "xpbd" else model,
+                model=FAR_DEFAULT if model == BY_XPBD else REFERENCE,
                 settings=(*settings_of(model, step), *settings),
                 connect=connect,
                 record=record,
@@ -63,7 +64,7 @@ class TofuLift(PadLift):
             reward=reward,
             randomise=randomise,
         )
-        if model == "xpbd":
+        if model == BY_XPBD:
             self._randomise.check_substep(self.scene, ACT / SUBSTEPS)
 
     def points_of_face(self, surface: Floats) -> int:

@@ -17,6 +17,7 @@ from softseam.gym.task_env import ACT, Frame, TaskEnv
 from softseam.observation import Observation
 from softseam.scenes import load_scene
 from softseam.session import whole
+from softseam_protocol.models import PARTICLES_DEFAULT
 from softseam_protocol.scene.particles import SheetBody
 
 GRIPPERS = ("left", "right")
@@ -94,7 +95,7 @@ class TowelFold(TaskEnv[Fold]):
             Frame(
                 step=step,
                 environments=environments,
-                model="pbd",
+                model=PARTICLES_DEFAULT,
                 settings=(*_settings(number, step), *settings),
                 connect=connect,
                 record=record,

@@ -19,6 +19,7 @@ from softseam.view.surface import DisplaySurface
 from softseam.view.tool_shapes import tool_shapes
 from softseam_protocol.messages.names import within
 from softseam_protocol.messages.session import Event, Frame, StepReport
+from softseam_protocol.models import facts_of
 
 
 def convert(recording: Recording, stream: rr.RecordingStream) -> rrb.Blueprint:
@@ -78,7 +79,7 @@ def _far(recording: Recording, body: str) -> colors.Tone:
     part = None if first is None else first.parts.get(within(body, "far"))
     if part is None or recording.scene.of(body).regions.near is not None:
         return colors.FAR
-    return colors.MODEL.get(part.model, colors.FAR)
+    return facts_of(part.model).colour
 
 
 def _at(stream: rr.RecordingStream, time: float, step: int) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from softseam.columns import Columns, shown_unit
+from softseam.columns import Columns, shown_unit, spent
 from softseam.replay import paths
 from softseam.view import colors
 from softseam_protocol.messages.names import local
@@ -87,7 +87,7 @@ def _speed(writer: _Writer, columns: Columns, scene: Scene) -> list[Plot]:
     total = columns["seconds.total"]
     writer.curve(rtf, "rtf", scene.step / np.where(total > 0.0, total, np.nan), 2)
     wall = writer.plot("wall time of a step [ms]", "speed/wall")
-    for i, name in enumerate(("fem", "pbd", "coupling", "bus", "record")):
+    for i, name in enumerate(spent()):
         values = 1e3 * columns[f"seconds.{name}"]
         if np.nanmax(values, initial=0.0) > 0.0:
             writer.curve(wall, name, values, i)

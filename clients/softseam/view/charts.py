@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from softseam.columns import Columns, shown_unit
+from softseam.columns import Columns, shown_unit, spent
 from softseam.recording import Recording
 from softseam.report import ReportBuilder
 from softseam.verdict import lifters, tool_rise
@@ -75,15 +75,15 @@ def draw_time(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
     wall = builder.build()["wall"]
     figure = Figure(figsize=(12.6, 4.6), dpi=150, facecolor=PAPER)
     rtf = f"real-time factor {wall['rtf']:.1f}" if wall["rtf"] else "real-time factor not known"
-    spent = 1e3 * wall["total"] / max(len(columns), 1)
-    text = f"{rtf}: {spent:.2f} ms a step for {1e3 * recording.scene.step:g} ms of motion"
+    each = 1e3 * wall["total"] / max(len(columns), 1)
+    text = f"{rtf}: {each:.2f} ms a step for {1e3 * recording.scene.step:g} ms of motion"
     heading(figure, "Where the time went", text)
     left, middle, right = figure.subplots(1, 3, width_ratios=[1.0, 1.25, 1.0])
     figure.subplots_adjust(left=0.075, right=0.985, top=0.70, bottom=0.13, wspace=0.22)
-    parts = [(name, wall[name]) for name in ("record", "bus", "coupling", "pbd", "fem") if wall[name] > 0.0]
+    parts = [(name, wall[name]) for name in reversed(spent()) if wall[name] > 0.0]
     plain(left, "part of the wall time [%]; parts may overlap")
-    shares = [100.0 * spent / wall["total"] if wall["total"] else 0.0 for _, spent in parts]
-    tones = {"fem": 0, "pbd": 1, "coupling": 2, "bus": 3, "record": 4}
+    shares = [100.0 * seconds / wall["total"] if wall["total"] else 0.0 for _, seconds in parts]
+    tones = {name: i for i, name in enumerate(spent())}
     left.barh([name for name, _ in parts], shares, color=[_tone(tones[name]) for name, _ in parts], height=0.62)
     left.grid(axis="y", visible=False)
     left.grid(axis="x", color=RULE, linewidth=0.8)

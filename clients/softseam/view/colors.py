@@ -8,16 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.names import local
+from softseam_protocol.models import FAR_DEFAULT, MODELS, NEAR_DEFAULT, facts_of
 
 Floats = NDArray[np.float64]
 Tone = tuple[int, int, int]
 
-NEAR = (232, 121, 74)
+NEAR: Tone = MODELS[NEAR_DEFAULT].colour
 """warm coral: the near region (usually FEM)"""
-FAR = (108, 148, 196)
+FAR: Tone = MODELS[FAR_DEFAULT].colour
 """slate blue: the far region (usually PBD)"""
-MODEL: dict[str, Tone] = {"fem": NEAR, "pbd": FAR}
-"""of a body with one region"""
 BORDER = (255, 255, 255)
 """white: where an inclusion begins"""
 TOOL = (166, 172, 184)
@@ -70,21 +69,21 @@ def engineering(value: float, unit: str) -> str:
 def parts(models: Mapping[str, str]) -> dict[str, tuple[str, Tone]]:
     """Label and colour of each part, near before far; of a body of one part, those of its model.
 
-    >>> parts({"body.far": "fem"}) == {"body.far": ("FEM", NEAR)}
+    >>> parts({"body.far": NEAR_DEFAULT}) == {"body.far": ("FEM", NEAR)}
     True
 
-    models  'fem' or 'pbd' by part, BODY.near or BODY.far, as in `Columns.models`
+    models  by part, BODY.near or BODY.far, as in `Columns.models`
     """
     tones = {"near": NEAR, "far": FAR}
     bodies = [name.rpartition(".")[0] for name in models]
     found = {}
     for name in sorted(models, key=lambda name: (name.rpartition(".")[0], local(name) == "far")):
-        body, model = name.rpartition(".")[0], models[name]
+        body, model = name.rpartition(".")[0], facts_of(models[name])
         of = f"{body}, " if len({*bodies}) > 1 else ""
         if bodies.count(body) == 1:
-            found[name] = (f"{of}{model.upper()}", MODEL.get(model, FAR))
+            found[name] = (f"{of}{model.legend}", model.colour)
         else:
-            found[name] = (f"{of}{local(name)} part: {model.upper()}", tones[local(name)])
+            found[name] = (f"{of}{local(name)} part: {model.legend}", tones[local(name)])
     return found
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from softseam.observation import Observation
 from softseam_studies.atlas.maps.iterations import classic, rope_share
 from softseam_studies.atlas.maps.poisson import run as run_element
-from softseam_studies.atlas.scenes import confined, force_share, press
+from softseam_studies.atlas.scenes import FEM, confined, force_share, press
 from softseam_studies.atlas.trace import follow
 from softseam_studies.atlas.verdicts import percent
 
@@ -62,7 +62,7 @@ def negative_jacobian() -> Answer:
     found = []
     for material in ("st_venant_kirchhoff", "neo_hookean"):
         trace = follow(
-            press(2e4, 0.005, "fem", squeeze=0.6, material=material, hold=0.3, speed=0.03, walls=True), force_share(2e4)
+            press(2e4, 0.005, FEM, squeeze=0.6, material=material, hold=0.3, speed=0.03, walls=True), force_share(2e4)
         )
         found.append(trace)
     peak = max(found[0].values, default=0.0)
@@ -142,7 +142,7 @@ def mass() -> Answer:
         weights.append(float(-observation.wrench["ground"][2]))
         return weights[-1]
 
-    scene = press(2e4, 0.01, "fem", squeeze=0.3, hold=0.6)
+    scene = press(2e4, 0.01, FEM, squeeze=0.3, hold=0.6)
     scene["gravity"] = [0, 0, -9.81]
     scene["body"]["position"] = [0, 0, 0]
     for name in ("left", "right"):
@@ -211,10 +211,10 @@ def large_rotation() -> Answer:
 
 def _swelling(material: str) -> float:
     """Largest change of the body's diagonal in a turn at 10 rad/s [1]."""
-    scene = press(1e5, 0.005, "fem", material=material)
+    scene = press(1e5, 0.005, FEM, material=material)
     scene |= {"tools": {}, "motion": [], "duration": 0.6, "quantities": []}
     scene["body"]["spin"] = [0, 0, 10.0]
-    scene["models"]["fem"] = {"integrator": "midpoint"}
+    scene["models"][FEM] = {"integrator": "midpoint"}
     rest = np.sqrt(3.0) * 0.02
 
     def change(observation: Observation) -> float:
@@ -255,10 +255,10 @@ def energy_drift() -> Answer:
 
 def _kicked(integrator: str, step: float) -> dict[str, Any]:
     """A cube clamped at its base, thrown sideways."""
-    scene = press(2e4, step, "fem")
+    scene = press(2e4, step, FEM)
     scene |= {"tools": {}, "motion": [], "duration": 0.5, "quantities": []}
     scene["body"] |= {"velocity": [0.1, 0, 0], "fixed": [{"min": [-1, -1, -1], "max": [1, 1, -0.00999]}]}
-    scene["models"]["fem"] = {"integrator": integrator}
+    scene["models"][FEM] = {"integrator": integrator}
     return scene
 
 

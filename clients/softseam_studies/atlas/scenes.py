@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-Model = Literal["fem", "pbd", "hybrid"]
-MODELS: dict[Model, str] = {"fem": "FEM", "pbd": "XPBD", "hybrid": "FEM and XPBD"}
+from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT
+
+Model = str
+FEM, XPBD, HYBRID = NEAR_DEFAULT, FAR_DEFAULT, "hybrid"
+PAIR: tuple[Model, ...] = (FEM, XPBD)
+MODELS: dict[Model, str] = {FEM: "FEM", XPBD: "XPBD", HYBRID: "FEM and XPBD"}
 
 EDGE = 0.02
 """of the block [m]"""
@@ -41,9 +45,9 @@ def press(
     at, thick = 0.5 * EDGE + 0.005, 0.01
     plate = {"kind": "box", "size": [thick, 3 * EDGE, 3 * EDGE], "friction": friction}
     edge = EDGE / cells
-    regions: dict[str, Any] = {"default": "fem" if model == "fem" else "pbd"}
-    if model == "hybrid":
-        regions["near"] = {"model": "fem", "within": 0.2 * EDGE, "split": "always"}
+    regions: dict[str, Any] = {"default": FEM if model == FEM else XPBD}
+    if model == HYBRID:
+        regions["near"] = {"model": FEM, "within": 0.2 * EDGE, "split": "always"}
     tools: dict[str, Any] = {"left": plate | {"position": [-at, 0, 0]}, "right": plate | {"position": [at, 0, 0]}}
     if walls:
         for axis, side in ((1, -1), (1, 1), (2, -1), (2, 1)):
@@ -60,7 +64,7 @@ def press(
         "body": {
             "shape": {"kind": "block", "size": [EDGE, EDGE, EDGE]},
             "position": [0, 0, -0.5 * EDGE],
-            "cell": [EDGE / 3, edge, edge] if model == "hybrid" else [edge, edge, edge],
+            "cell": [EDGE / 3, edge, edge] if model == HYBRID else [edge, edge, edge],
             "material": {"kind": material, "young": young, "poisson": poisson, "density": DENSITY},
         },
         "tools": tools,
@@ -69,7 +73,7 @@ def press(
             {"hold": max(hold, 4 * step)},
         ],
         "regions": regions,
-        "models": {"fem": dict(fem or {}), "pbd": dict(pbd or {})},
+        "models": {FEM: dict(fem or {}), XPBD: dict(pbd or {})},
         "quantities": ["grip_force"],
     }
 

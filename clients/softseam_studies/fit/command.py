@@ -19,6 +19,7 @@ from softseam.outputs import check_ending, check_outputs, write_whole
 from softseam.scenes import bundle_of, bundle_with, inputs_of
 from softseam.variants import AS_GIVEN, with_model, with_settings
 from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.models import REFERENCE
 from softseam_protocol.scene.file import bundle_scene, scene_json
 from softseam_protocol.scene.scene import Scene
 from softseam_studies.fit.curve import Curve, check_times, read_curve, read_off
@@ -46,7 +47,7 @@ def fit_scene(wishes: Wishes, console: Console) -> Answer:
     if wishes.out is not None:
         check_ending("--out", wishes.out, ".yaml", "a scene")
         check_outputs([("--out", wishes.out)], inputs={**inputs_of(wishes.scene), "the curve": wishes.curve})
-    scene = with_model(with_settings(given, (*wishes.settings, *AS_GIVEN)), "fem")
+    scene = with_model(with_settings(given, (*wishes.settings, *AS_GIVEN)), REFERENCE)
     bundle = bundle_with(scene, bundle, wishes.scene, wishes.settings)
     numbers = numbers_of(scene, wishes.find)
     curve = read_curve(wishes.curve, list(scene.tools))

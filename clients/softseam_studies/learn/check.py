@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from softseam.gym.batch_env import BatchEnv
-from softseam.gym.lift_scene import HEIGHT, PADS, SPEED
+from softseam.gym.lift_scene import BY_FEM, BY_XPBD, HEIGHT, PADS, SPEED
 from softseam.gym.sight import FORCE, SEEN
 from softseam.gym.task_env import ACT
 from softseam.gym.tofu_lift import TofuLift
@@ -58,7 +58,7 @@ class Check:
     @classmethod
     def read(cls, row: Mapping[str, Any]) -> Check:
         """From a document. Raises ValueError, TypeError or KeyError where that holds none."""
-        xpbd, fem = (np.array(row[model], np.float64) for model in ("xpbd", "fem"))
+        xpbd, fem = (np.array(row[model], np.float64) for model in (BY_XPBD, BY_FEM))
         if xpbd.shape != (len(MOMENTS), len(MEASURED)) or fem.shape != xpbd.shape:
             raise ValueError("a check has a row a moment")
         return cls(int(row["steps"]), _rows(xpbd), _rows(fem))

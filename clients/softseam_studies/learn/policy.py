@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from softseam.errors import BadInput
-from softseam.gym.lift_scene import LiftModel
+from softseam.gym.lift_scene import BY_FEM, LiftModel
 from softseam.report import write_json
 from softseam_studies.learn.check import Check
 from softseam_studies.learn.curriculum import Stage
@@ -35,7 +35,7 @@ class Training:
     """taken"""
     curve: tuple[tuple[int, float, float, float], ...] = ()
     """after so many steps: return, part that succeeded and mean of what bodies suffered, of the last 100 episodes"""
-    model: LiftModel = "fem"
+    model: LiftModel = BY_FEM
     """that it learned in"""
     shape: str | None = None
     """of the body, where the task has one of the user's: None is the task's own"""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from softseam.errors import BadInput
 from softseam.gym.batch_env import BatchEnv
-from softseam.gym.lift_scene import LiftModel
+from softseam.gym.lift_scene import BY_FEM, BY_XPBD, LiftModel
 from softseam.gym.push_gentle import STRESS_LIMIT, PushGentle
 from softseam.gym.reward import Heading, Nearness, Ramp, StressConcentration, Touch, Way
 from softseam.gym.slice_lift import SliceLift
@@ -87,7 +87,7 @@ _FIRST_PUSH = (Nearness(), Heading(), Way(), Touch(), StressConcentration(Ramp(3
 TASKS = {
     "TofuLift": Task(
         TofuLift,
-        models=("xpbd", "fem"),
+        models=(BY_XPBD, BY_FEM),
         rules=_LIFTS,
         steps=300_000,
         environments=64,
@@ -98,7 +98,7 @@ TASKS = {
     ),
     "SliceLift": Task(
         SliceLift,
-        models=("fem",),
+        models=(BY_FEM,),
         rules=_SMALL_LIFTS,
         steps=100_000,
         environments=16,
@@ -107,7 +107,7 @@ TASKS = {
     ),
     "PushGentle": Task(
         PushGentle,
-        models=("fem",),
+        models=(BY_FEM,),
         rules={"ahead at 12 % of full speed": pushed(0.12), "at full speed": pushed(1.0)},
         steps=100_000,
         environments=16,

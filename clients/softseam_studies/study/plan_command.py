@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import get_args
 
 from pydantic import ValidationError
 from rich.console import Console
@@ -20,8 +19,8 @@ from softseam.errors import BadInput
 from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
+from softseam_protocol.models import MODELS
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
-from softseam_protocol.scene.kinds import ModelKind
 from softseam_protocol.scene.scene import Scene
 from softseam_studies.study.bundled import digest_of
 from softseam_studies.study.configurations import Configuration, configurations
@@ -136,7 +135,7 @@ def _compiled(wishes: Wishes) -> float:
     scene, _ = bundle_of(wishes.scene)
     began = perf_counter()
     if "cells" in scene.kinds:
-        compile_models(get_args(ModelKind))
+        compile_models(MODELS)
     return perf_counter() - began
 
 

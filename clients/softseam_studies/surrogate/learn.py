@@ -11,6 +11,7 @@ from softseam.errors import BadInput, SimulationFailed
 from softseam.observation import Observation
 from softseam.session import Session, open_as_given
 from softseam.variants import AS_GIVEN, with_settings
+from softseam_protocol.models import REFERENCE
 from softseam_protocol.scene.scene import Scene
 from softseam_studies.surrogate.fitting import Curve, common_squeezes, fitted
 from softseam_studies.surrogate.surrogate import COVERED, Surrogate, terms
@@ -39,7 +40,7 @@ def learn(
     for done, point in enumerate(within):
         values = [one.value(float(at)) for one, at in zip(varied, point, strict=True)]
         chosen = [setting for one, value in zip(varied, values, strict=True) for setting in one.settings(value)]
-        with open_as_given(scene, model="fem", settings=[*settings, *AS_GIVEN, wanted, *chosen]) as session:
+        with open_as_given(scene, model=REFERENCE, settings=[*settings, *AS_GIVEN, wanted, *chosen]) as session:
             curves.append(_curve(session, quantities, ", ".join(chosen)))
         progress(done + 1)
     squeezes = common_squeezes(curves)

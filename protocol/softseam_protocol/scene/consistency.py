@@ -8,15 +8,16 @@ from typing import Protocol
 from pydantic_core import PydanticCustomError
 
 from softseam_protocol.inner_ball import inner_ball
+from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT, some_read, taking, that
 from softseam_protocol.quantities import QUANTITIES
 from softseam_protocol.scene.bodies import AnyBody, BlockShape, BodySpec, MeshShape
 from softseam_protocol.scene.implied import implied_model
-from softseam_protocol.scene.kinds import ELEMENTS, ModelKind, integrator_problem
-from softseam_protocol.scene.models import DampingSpec, ModelsSpec
+from softseam_protocol.scene.kinds import ELEMENTS, integrator_problem
+from softseam_protocol.scene.models import CLASSIC_PBD, DampingSpec, ModelsSpec
 from softseam_protocol.scene.motion import ClosePhase, GripPhase, Phase, ReleasePhase
 from softseam_protocol.scene.particles import ParticleBodySpec, TetMeshBody
 from softseam_protocol.scene.regions import RegionsSpec, SeamSpec
-from softseam_protocol.scene.spec import Vector, not_among, wrong
+from softseam_protocol.scene.spec import Vector, key, not_among, wrong
 from softseam_protocol.scene.tools import PlaneTool, ToolSpec
 from softseam_protocol.tool_borders import tool_borders
 
@@ -74,11 +75,11 @@ def check_body(scene: OneBody, name: str, kinds: Collection[str]) -> None:
 
 
 def candidates(scene: OneBody) -> list[OneBody]:
-    """The scene with each model that its body may get, fem first: one where its regions, or its own words, name it."""
+    """The scene with each model that its body may get, that of near cells first: one where regions or words name it."""
     if scene.regions.default is not None:
         return [scene]
     implied = implied_model(scene.body, scene.models, scene.symmetry)
-    kinds: list[ModelKind] = ["fem", "pbd"] if implied is None else [implied[0]]
+    kinds = [NEAR_DEFAULT, FAR_DEFAULT] if implied is None else [implied[0]]
     return [scene.with_regions(scene.regions.model_copy(update={"default": kind})) for kind in kinds]
 
 
@@ -117,8 +118,10 @@ def _symmetry_is_used(scene: OneBody) -> None:
     if scene.body.friction_field is not None:
         told = "friction varies over both sides as neither's image: leave it out, or `symmetry`"
         raise wrong(told, "body", "friction_field")
-    if "fem" not in (scene.regions.default, near.model if near else ""):
-        raise wrong("only fem solves for one side, and no region is fem's: leave it out", "symmetry")
+    able = that(lambda facts: facts.one_side)
+    if not {scene.regions.default, near.model if near else None} & {*able}:
+        only = " and ".join(able)
+        raise wrong(f"only {only} solves for one side, and no region is {only}'s: leave it out", "symmetry")
     if fem.element.startswith("tet"):
         raise wrong(f"{fem.element} divides cells otherwise on either side: leave it out, or use hex27", "symmetry")
     if fem.integrator == "symplectic_euler":
@@ -132,20 +135,21 @@ def _check_particles(scene: OneBody, body: ParticleBodySpec, beside_cells: bool)
     if isinstance(body, TetMeshBody):
         for i, phase in enumerate(scene.motion):
             if isinstance(phase, GripPhase | ReleasePhase):
-                key = "grip" if isinstance(phase, GripPhase) else "release"
-                raise wrong("a tet_mesh is held by friction: close two tools on it", "motion", i, key)
-    if body.constraints and scene.models.pbd.method == "pbd":
-        raise wrong("classic pbd has no compliance: constraints need xpbd", "models", "pbd", "method")
+                does = "grip" if isinstance(phase, GripPhase) else "release"
+                raise wrong("a tet_mesh is held by friction: close two tools on it", "motion", i, does)
+    if body.constraints and scene.models.pbd.method == CLASSIC_PBD:
+        raise wrong("classic pbd has no compliance: constraints need xpbd", *key("models.pbd.method"))
     if scene.models.pbd.method == "leapfrog":
-        raise wrong(f"{have}: leapfrog moves cells, use xpbd", "models", "pbd", "method")
+        raise wrong(f"{have}: leapfrog moves cells, use xpbd", *key("models.pbd.method"))
     if scene.models.pbd.residual is not None:
-        raise wrong(f"{have}: only blocks have a residual, leave it out", "models", "pbd", "residual")
+        raise wrong(f"{have}: only blocks have a residual, leave it out", *key("models.pbd.residual"))
     if scene.models.pbd.coarse is not None:
-        raise wrong(f"{have}: leave it out", "models", "pbd", "coarse")
+        raise wrong(f"{have}: leave it out", *key("models.pbd.coarse"))
     if scene.models.pbd.damping != DampingSpec():
-        raise wrong(f"{have}: say body.damping", "models", "pbd", "damping")
-    if scene.regions.default != "pbd":
-        raise wrong(f"{have}: only pbd can simulate it", "regions", "default")
+        raise wrong(f"{have}: say body.damping", *key("models.pbd.damping"))
+    able = taking("particles")
+    if scene.regions.default not in able:
+        raise wrong(f"{have}: only {' and '.join(able)} can simulate it", "regions", "default")
     if scene.regions.near is not None:
         raise wrong(f"{have}, and is not cut into regions: leave `near` out", "regions", "near")
     if scene.regions.goal is not None:
@@ -173,8 +177,10 @@ def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None
         scene.models.fem.integrator, scene.seam.scheme if near else None, bool(scene.tools), bool(body.fixed)
     )
     models = {scene.regions.far, near.model if near else scene.regions.far}
-    if problem and "fem" in models:
-        raise wrong(problem, "models", "fem", "integrator")
+    if unable := [name for name in models if name not in taking("tetrahedra" if body.tetrahedral else "cells")]:
+        raise wrong(f"{unable[0]} takes no cells: use one of {', '.join(taking('cells'))}", "regions", "default")
+    if problem and some_read(models, "fem.integrator"):
+        raise wrong(problem, *key("models.fem.integrator"))
     if body.material.retardation_time > 0.0:
         scene.models.check_viscous(models)
     if body.damping > 0.0:
@@ -195,8 +201,9 @@ def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None
             "cells that follow a sphere have one model, for a seam runs along faces that are rectangles: leave out "
             "regions.near, or `borders`", "body", "shape", "borders",
         )  # fmt: skip
-    if (own or (isinstance(body.shape, BlockShape) and body.shape.graded)) and "pbd" in models:
-        said = "the model error of pbd is measured on boxes of one size"
+    rough = [name for name in that(lambda facts: facts.errs_by == "model") if name in models]
+    if (own or (isinstance(body.shape, BlockShape) and body.shape.graded)) and rough:
+        said = f"the model error of {' and '.join(rough)} is measured on boxes of one size"
         if near and near.error is not None:
             raise wrong(
                 f"{said}: leave out regions.near.error, or body.shape.grading, towards and borders",
@@ -208,7 +215,7 @@ def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None
             place = ("quantities", scene.quantities.index("model_error"))
             raise wrong(f"{said}: leave out this quantity, or cells of other shapes", *place)
     _has_goal(scene, own or body.tetrahedral or (isinstance(body.shape, BlockShape) and body.shape.graded))
-    if scene.models.pbd.coarse is not None and "pbd" in models:
+    if scene.models.pbd.coarse is not None and some_read(models, "pbd.coarse"):
         if scene.regions.goal is not None:
             said = "errors of a goal are told of cells of eight blocks"
             raise wrong(f"{said}: leave out models.pbd.coarse, or goal", "regions", "goal")
@@ -224,30 +231,28 @@ def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None
     for i, name in enumerate(scene.quantities):
         if QUANTITIES[name].of == "particles":
             raise wrong(f"only sheets and ropes have {name}", "quantities", i)
-    if scene.models.pbd.method == "leapfrog" and "pbd" in models:
+    if scene.models.pbd.method == "leapfrog" and some_read(models, "pbd.method"):
         meets = "a seam" if near is not None else "tools" if scene.tools else ""
         cure = ", or leave out regions.near" if near is not None else ""
         if meets:
             raise wrong(
-                f"leapfrog solves no equations and cannot meet {meets}: use xpbd{cure}", "models", "pbd", "method"
+                f"leapfrog solves no equations and cannot meet {meets}: use xpbd{cure}", *key("models.pbd.method")
             )
-    if scene.models.pbd.method == "pbd":
+    if scene.models.pbd.method == CLASSIC_PBD:
         raise wrong(
             "classic pbd moves particles: a body in cells needs xpbd; for a block of particles write "
             "body: {kind: tet_mesh, size, divisions, ...}",
-            *("models", "pbd", "method"),
+            *key("models.pbd.method"),
         )
     for i, phase in enumerate(scene.motion):
         if isinstance(phase, GripPhase | ReleasePhase) and not beside_particles:
-            key = "grip" if isinstance(phase, GripPhase) else "release"
-            raise wrong("a body in cells is held by friction: close two tools on it", "motion", i, key)
-    if scene.models.fem.step_error is not None and near is not None and "fem" in models:
+            does = "grip" if isinstance(phase, GripPhase) else "release"
+            raise wrong("a body in cells is held by friction: close two tools on it", "motion", i, does)
+    if scene.models.fem.step_error is not None and near is not None and some_read(models, "fem.step_error"):
         raise wrong(
             "substeps by error cannot meet a seam, whose compliance is that of one step: leave out step_error and "
             "shorten `step`, or give all cells to fem without regions.near",
-            "models",
-            "fem",
-            "step_error",
+            *key("models.fem.step_error"),
         )
 
 
@@ -256,14 +261,14 @@ def _check_tetrahedra(scene: OneBody) -> None:
     have, element = "cells that are a file's tetrahedra", scene.models.fem.element
     if scene.regions.near is not None:
         raise wrong(f"{have} have one model, fem: leave out regions.near, or `cells: tetrahedra`", "regions", "near")
-    if scene.regions.default == "pbd":
+    if scene.regions.default not in taking("tetrahedra"):
         raise wrong(
             f"{have} are fem's: pbd moves a file's tetrahedra as particles (body: {{kind: tet_mesh}}), or leave out "
             "`cells: tetrahedra`, which lets the solid lie in cells of both models", "regions", "default",
         )  # fmt: skip
     if not ELEMENTS[element].functions.startswith("tet"):
         use = "tet10, tet4_fbar or tet4"
-        raise wrong(f"{element} is made of hexahedra, and {have} of none: use {use}", "models", "fem", "element")
+        raise wrong(f"{element} is made of hexahedra, and {have} of none: use {use}", *key("models.fem.element"))
 
 
 def _has_goal(scene: OneBody, uneven: bool) -> None:

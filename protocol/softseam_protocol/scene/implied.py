@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from softseam_protocol.models import PARTICLES_DEFAULT, ModelKind, taking, that
 from softseam_protocol.scene.bodies import AnyBody, BodySpec
-from softseam_protocol.scene.kinds import ModelKind
-from softseam_protocol.scene.models import FemSpec, ModelsSpec, PbdSpec
+from softseam_protocol.scene.models import ModelsSpec
 
 
 def implied_model(body: AnyBody, models: ModelsSpec, symmetry: Sequence[str]) -> tuple[ModelKind, str] | None:
@@ -15,20 +15,17 @@ def implied_model(body: AnyBody, models: ModelsSpec, symmetry: Sequence[str]) ->
     Whoever sets one model's keys alone means that model: with the other they would do nothing.
     """
     if not isinstance(body, BodySpec):
-        return "pbd", f"a {body.kind} is made of particles"
+        return PARTICLES_DEFAULT, f"a {body.kind} is made of particles"
     if body.tetrahedral:
-        return "fem", "only fem takes tetrahedra of a file for cells"
+        able = taking("tetrahedra")
+        return able[0], f"only {' and '.join(able)} takes tetrahedra of a file for cells"
     if symmetry:
-        return "fem", "only fem solves for one side (symmetry)"
-    fem, pbd = _set(models.fem.of(body), FemSpec().of(body)), _set(models.pbd, PbdSpec())
-    if fem and not pbd:
-        return "fem", f"the scene sets models.fem.{fem[0]}, and nothing of models.pbd"
-    if pbd and not fem:
-        return "pbd", f"the scene sets models.pbd.{pbd[0]}, and nothing of models.fem"
-    return None
-
-
-def _set(spec: FemSpec | PbdSpec, default: FemSpec | PbdSpec) -> list[str]:
-    """Keys that are not what they are in a scene without them."""
-    fields = type(spec).model_fields
-    return [field.alias or name for name, field in fields.items() if getattr(spec, name) != getattr(default, name)]
+        able = that(lambda facts: facts.one_side)
+        return able[0], f"only {' and '.join(able)} solves for one side (symmetry)"
+    changed = {name: keys for name, keys in models.changed(body).items() if keys}
+    if len(changed) != 1:
+        return None
+    ((name, keys),) = changed.items()
+    others = " and of ".join(f"models.{other}" for other in ModelsSpec.model_fields if other != name)
+    model, *_ = that(lambda facts: f"{name}.{keys[0]}" in facts.reads)
+    return model, f"the scene sets models.{name}.{keys[0]}, and nothing of {others}"

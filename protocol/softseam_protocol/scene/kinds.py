@@ -1,4 +1,4 @@
-"""Models, materials, elements and integrators by name, and which of them may meet."""
+"""Materials, elements and integrators by name, and which of them may meet."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import Literal
 
 from softseam_protocol.table import Table
 
-ModelKind = Literal["fem", "pbd"]
 SeamScheme = str
 """a row of SCHEMES"""
 MaterialKind = str

@@ -16,9 +16,10 @@ from pydantic import (
     model_validator,
 )
 
+from softseam_protocol.models import facts_of, some_read
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.kinds import ELEMENTS, IN_BLOCKS, INTEGRATORS, ElementKind
-from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, RowOf, Spec, wrong
+from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, RowOf, Spec, key, wrong
 
 
 class FemSpec(Spec):
@@ -139,10 +140,16 @@ class CoarseSpec(Spec):
         return self
 
 
+Method = Literal["xpbd", "pbd", "leapfrog"]
+CLASSIC_PBD: Method = "pbd"
+"""the method without compliance, of particles alone"""
+_LABELS: dict[Method, str] = {"xpbd": "XPBD", CLASSIC_PBD: "classic PBD", "leapfrog": "leapfrog"}
+
+
 class PbdSpec(Spec):
     """Settings of the PBD participant."""
 
-    method: Literal["xpbd", "pbd", "leapfrog"] = Field(
+    method: Method = Field(
         default="xpbd",
         description="xpbd: stiffnesses in physical units; pbd: the classic one, of particles (sheet, rope, tet_mesh); "
         "leapfrog: explicit and without dissipation, for bodies in cells that no tool and no other region touches",
@@ -182,35 +189,55 @@ class ModelsSpec(Spec):
     fem: FemSpec = FemSpec()
     pbd: PbdSpec = PbdSpec()
 
+    def label(self, model: str) -> str:
+        """A model's name in a sentence, which is that of its method where the scene may choose one."""
+        return _LABELS[self.pbd.method] if some_read([model], "pbd.method") else facts_of(model).label
+
+    def having(self, settings: FemSpec | PbdSpec) -> ModelsSpec:
+        """The same with these settings in the place of those of the same model; not validated."""
+        (name,) = (name for name in type(self).model_fields if type(getattr(self, name)) is type(settings))
+        return self.model_copy(update={name: settings})
+
+    def changed(self, body: BodySpec) -> dict[str, list[str]]:
+        """By model's settings their keys that are not what they are for this body in a scene without them."""
+        said, usual = self.having(self.fem.of(body)), ModelsSpec(fem=FemSpec().of(body))
+        return {name: _set(getattr(said, name), getattr(usual, name)) for name in type(self).model_fields}
+
     def check_drag(self, used: Set[str]) -> None:
         """Raise if one of the models that are used cannot take up a body's drag."""
         fem, pbd = self.fem, self.pbd
-        if "fem" in used and not INTEGRATORS[fem.integrator].viscous:
+        if some_read(used, "fem.integrator") and not INTEGRATORS[fem.integrator].viscous:
             raise wrong(
                 f"{fem.integrator} does not know body.damping: use implicit_euler or midpoint",
-                *("models", "fem", "integrator"),
+                *key("models.fem.integrator"),
             )
-        if "pbd" in used and pbd.damping.mass > 0.0:
+        if some_read(used, "pbd.damping") and pbd.damping.mass > 0.0:
             raise wrong(
                 "body.damping says the same for both models: leave one of them out",
-                *("models", "pbd", "damping", "mass"),
+                *key("models.pbd.damping.mass"),
             )
 
     def check_viscous(self, used: Set[str]) -> None:
         """Raise if one of the models that are used cannot take up a material's retardation time."""
         fem, pbd = self.fem, self.pbd
-        if "fem" in used and not INTEGRATORS[fem.integrator].viscous:
+        if some_read(used, "fem.integrator") and not INTEGRATORS[fem.integrator].viscous:
             raise wrong(
                 f"{fem.integrator} does not know body.material.retardation_time: use implicit_euler or midpoint",
-                *("models", "fem", "integrator"),
+                *key("models.fem.integrator"),
             )
-        if "pbd" in used and pbd.method == "leapfrog":
+        if some_read(used, "pbd.method") and pbd.method == "leapfrog":
             raise wrong(
                 "leapfrog's substep would shrink with body.material.retardation_time: use xpbd",
-                *("models", "pbd", "method"),
+                *key("models.pbd.method"),
             )
-        if "pbd" in used and pbd.damping.stiffness > 0.0:
+        if some_read(used, "pbd.damping") and pbd.damping.stiffness > 0.0:
             raise wrong(
                 "body.material.retardation_time says the same for both models: leave one of them out",
-                *("models", "pbd", "damping", "stiffness"),
+                *key("models.pbd.damping.stiffness"),
             )
+
+
+def _set(spec: FemSpec | PbdSpec, default: FemSpec | PbdSpec) -> list[str]:
+    """Keys that are not what they are in a scene without them."""
+    fields = type(spec).model_fields
+    return [field.alias or name for name, field in fields.items() if getattr(spec, name) != getattr(default, name)]

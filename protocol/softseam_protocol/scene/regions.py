@@ -6,14 +6,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from softseam_protocol.scene.kinds import SCHEMES, ModelKind
+from softseam_protocol.models import FAR_DEFAULT, MODELS, NEAR_DEFAULT, ModelKind, that
+from softseam_protocol.scene.kinds import SCHEMES
 from softseam_protocol.scene.spec import BoxRegion, Positive, RowOf, Spec, wrong
 
 
 class NearSpec(Spec):
     """The near region: cells close to tools, under stress, in error or in boxes get a participant of their own."""
 
-    model: ModelKind = "fem"
+    model: Annotated[str, RowOf(MODELS)] = NEAR_DEFAULT
     within: Positive | None = Field(default=None, description="distance to a tool that makes a cell near [m]")
     tools: tuple[str, ...] | None = Field(default=None, description="default: the tools that move")
     boxes: tuple[BoxRegion, ...] = Field(default=(), description="cells with their centre in a box are always near")
@@ -51,7 +52,7 @@ class RegionsSpec(Spec):
     """Which cells get which model."""
 
     near: NearSpec | None = None
-    default: ModelKind | None = Field(
+    default: Annotated[str, RowOf(MODELS)] | None = Field(
         default=None,
         validate_default=True,
         description="model of every cell that is not near; default: beside `near` it is pbd; without, fem where the "
@@ -73,15 +74,18 @@ class RegionsSpec(Spec):
     @field_validator("default")
     @classmethod
     def _beside_near(cls, default: ModelKind | None, info: ValidationInfo) -> ModelKind | None:
-        """Who says which cells are near, and not what the others are, means pbd."""
-        return "pbd" if default is None and info.data.get("near") is not None else default
+        """Who says which cells are near, and not what the others are, means the usual model."""
+        return FAR_DEFAULT if default is None and info.data.get("near") is not None else default
 
     @model_validator(mode="after")
     def _errs(self) -> RegionsSpec:
-        if self.near is not None and self.near.error is not None and (self.near.model, self.default) != ("fem", "pbd"):
-            raise wrong(
-                "an error of pbd makes cells near: it needs near cells of fem in a body of pbd", "near", "error"
-            )
+        if self.near is None or self.near.error is None:
+            return self
+        exact, errs = that(lambda facts: facts.errs_by == "mesh"), that(lambda facts: facts.errs_by == "model")
+        if self.near.model not in exact or self.default not in errs:
+            near, far = " or ".join(exact), " or ".join(errs)
+            said = f"an error of {far} makes cells near: it needs near cells of {near} in a body of {far}"
+            raise wrong(said, "near", "error")
         return self
 
 

@@ -9,6 +9,7 @@ from typing import Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from softseam_protocol.messages.names import ONLY_BODY, prefix
+from softseam_protocol.models import PARTICLES_DEFAULT
 from softseam_protocol.quantities import QUANTITIES, QuantityName, probed
 from softseam_protocol.scene.bodies import AnyBody, BodyName, BodySpec
 from softseam_protocol.scene.consistency import check_body, check_tools
@@ -119,7 +120,7 @@ class Scene(Spec):
             raise KeyError(f"no body is called {name!r}; the scene has: {', '.join(self.many)}")
         body = self.many[name]
         cells = isinstance(body, BodySpec)
-        regions = body.regions or (self.regions if cells else RegionsSpec(default="pbd"))
+        regions = body.regions or (self.regions if cells else RegionsSpec(default=PARTICLES_DEFAULT))
         kinds = ("any", "cells" if cells else "particles")
         return self._with_models_of(body).model_copy(
             update={
@@ -137,7 +138,7 @@ class Scene(Spec):
         fem = self.models.fem.of(body) if isinstance(body, BodySpec) else self.models.fem
         if fem.element == self.models.fem.element:
             return self
-        return self.model_copy(update={"models": self.models.model_copy(update={"fem": fem})})
+        return self.model_copy(update={"models": self.models.having(fem)})
 
     @property
     def asked(self) -> tuple[str, ...]:

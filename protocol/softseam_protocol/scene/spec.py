@@ -39,6 +39,11 @@ def wrong(message: str, *at: str | int) -> PydanticCustomError:
     return PydanticCustomError("scene", "{message}", {"message": message, "at": at})
 
 
+def key(path: str) -> tuple[str, ...]:
+    """Where an entry is, of its path as people write it: "models.fem.element"."""
+    return tuple(path.split("."))
+
+
 def not_among(message: str, have: list[str], *at: str | int) -> PydanticCustomError:
     """An error about the entry `at` that is none of those that there are."""
     return PydanticCustomError("scene", "{message}", {"message": message, "at": at, "have": have})

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from softseam_protocol.models import MODELS
 from softseam_protocol.scene.kinds import ELEMENTS, Functions
 from softseam_protocol.scene.models import ModelsSpec
 from softseam_services.body import tetrahedron
@@ -44,7 +45,8 @@ FUNCTION_NUMBER: dict[Functions, int] = {
 
 def model_functions(models: ModelsSpec) -> dict[str, Functions]:
     """What each model interpolates with."""
-    return {"fem": ELEMENTS[models.fem.element].functions, "pbd": "hex8"}
+    own = ELEMENTS[models.fem.element].functions
+    return {name: facts.functions or own for name, facts in MODELS.items()}
 
 
 def point_weights(body: Body, region: Region, functions: Functions) -> tuple[Ints, Ints, Floats]:

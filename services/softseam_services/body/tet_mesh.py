@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softseam_protocol.scene.models import PbdSpec
+from softseam_protocol.scene.models import CLASSIC_PBD, PbdSpec
 from softseam_protocol.scene.particles import MOST_PARTICLES, TetMeshBody
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Floats, Ints
@@ -72,7 +72,7 @@ def build_tet_mesh(scene: Scene, spec: TetMeshBody, files: Mapping[str, bytes]) 
 
 def _is_classic(spec: PbdSpec) -> bool:
     """Whether edges and volumes hold it, of no stiffness in physical units."""
-    return spec.method == "pbd"
+    return spec.method == CLASSIC_PBD
 
 
 def _of_file(spec: TetMeshBody, path: str, files: Mapping[str, bytes]) -> _Raw:

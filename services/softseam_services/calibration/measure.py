@@ -183,7 +183,7 @@ class Bench:
         return PbdSpec.model_validate({**given, "substeps": substeps, "sweeps": sweeps, "residual": None})
 
     def _solver(self, spec: PbdSpec, step: float, state: BodyState | None) -> PbdSolver:
-        models = self.scene.models.model_copy(update={"pbd": spec})
+        models = self.scene.models.having(spec)
         scene = self.scene.model_copy(update={"models": models, "step": step})
         return PbdSolver(scene, self.body, self._region, self._tools, state)
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Advanced, BodyState, Fields, PartMesh, ToolMotion
+from softseam_protocol.models import facts_of
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.kernels.turning import (
@@ -35,8 +36,6 @@ Floats = NDArray[np.float64]
 Joint = tuple[Floats, Floats, Floats]
 """nodes on which other bodies act, as a step begins and as it ends, and the forces there (n, 3) [m], [m], [N]"""
 
-LATE = "fem"
-"""the model whose forces act as a step ends"""
 _NOTHING = np.zeros(0)
 _N_CHANGE = 6
 
@@ -99,7 +98,11 @@ class BodyTurn:
         push, torque = of_tools(replies, models, motion, before, centre)
         push = push + mass * gravity
         for name, (began, ended, force) in ({} if joints is None else joints).items():
-            at = ended - centre if models[name] == LATE else 0.5 * (began + ended) - 0.5 * (before + centre)
+            at = (
+                ended - centre
+                if facts_of(models[name]).forces_at_end
+                else 0.5 * (began + ended) - 0.5 * (before + centre)
+            )
             push, torque = push + force.sum(axis=0), torque + np.cross(at, force).sum(axis=0)
         momentum = start[MOTION:ANGULAR] + dt * push
         spin, _ = spin_and_inverse(start)
@@ -152,7 +155,7 @@ def of_tools(
     push, torque = np.zeros(3), np.zeros(3)
     for name, reply in replies.items():
         arm = motion.position_next - centre
-        if models[name] != LATE:
+        if not facts_of(models[name]).forces_at_end:
             arm = 0.5 * (motion.position + motion.position_next) - 0.5 * (before + centre)
         push = push - reply.wrench[:, :3].sum(axis=0)
         torque -= (reply.wrench[:, 3:] + np.cross(arm, reply.wrench[:, :3])).sum(axis=0)

@@ -13,6 +13,7 @@ from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import BusTimeout, NoReply, ProtocolError, Refused
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Advanced, Configure, Failure, Reply, Request
+from softseam_protocol.models import MODELS, service_of
 from softseam_protocol.topics import Keys, ParticipantReply
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, worked
@@ -21,7 +22,6 @@ TIMEOUT = 60.0
 """longest wait for a reply [s]; a process that dies or freezes is noticed long before"""
 FIRST = 10.0
 """longest wait for a service before its first request [s]"""
-SERVICES = {"fem": "fem", "pbd": "pbd"}
 _RETRY = 0.25
 _KEPT = 4096
 
@@ -65,7 +65,7 @@ class BusTransport:
         self, bus: Bus, keys: Keys, *, services: Mapping[str, str] | None = None, timeout: float = TIMEOUT
     ) -> None:
         self._bus, self._keys, self._timeout = bus, keys, timeout
-        self._services = SERVICES | dict(services or {})
+        self._services = {model: service_of(model) for model in MODELS} | dict(services or {})
         self._service_of: dict[str, str] = {}
         self._askers: dict[str, Asker] = {}
         self.times = BusTimes()

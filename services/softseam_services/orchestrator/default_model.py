@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_protocol.messages.names import ONLY_BODY
+from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT, PARTICLES_DEFAULT, ModelKind, that
 from softseam_protocol.scene.consistency import fits
 from softseam_protocol.scene.implied import implied_model
-from softseam_protocol.scene.kinds import ModelKind
 from softseam_protocol.scene.regions import NearSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
@@ -39,25 +39,28 @@ def with_model(scene: Scene, body: AnyBody, tools: ToolSet) -> tuple[Scene, str]
     if scene.regions.default is not None:
         return scene, ""
     if not isinstance(body, Body):
-        return _given(scene, "pbd"), ""
+        return _given(scene, PARTICLES_DEFAULT), ""
     implied = implied_model(scene.body, scene.models, scene.symmetry)
     if implied is not None:
         kind, why = implied
         return _given(scene, kind), why
     if body.material.n_state:
-        return _given(scene, "fem"), f"only fem knows the state of {body.material.kind}"
-    fem, pbd = _given(scene, "fem"), _given(scene, "pbd")
+        able = that(lambda facts: facts.material_state)
+        return _given(scene, able[0]), f"only {' and '.join(able)} knows the state of {body.material.kind}"
+    one, other = NEAR_DEFAULT, FAR_DEFAULT
+    fem, pbd = _given(scene, one), _given(scene, other)
     if not fits(fem, _ANY):
-        return pbd, f"{_NONE}, and fem cannot do what it sets"
+        return pbd, f"{_NONE}, and {one} cannot do what it sets"
     share, unknowns = _cost_of_fem(scene, body, tools), 3 * int(np.count_nonzero(~body.fixed))
     if (share <= WORTH and unknowns <= LARGEST) or not fits(pbd, _ANY):
-        return fem, f"{_NONE}, and fem costs some {share:.2g} times what pbd does: up to {WORTH:g} it is worth that"
-    why = f"{_NONE}, and fem on all would cost {share:.2g} times what pbd does, for {unknowns:,} unknowns"
+        said = f"{_NONE}, and {one} costs some {share:.2g} times what {other} does"
+        return fem, f"{said}: up to {WORTH:g} it is worth that"
+    why = f"{_NONE}, and {one} on all would cost {share:.2g} times what {other} does, for {unknowns:,} unknowns"
     within = float(f"{REACH * body.edges.max():.3g}")
-    near = _given(scene, "pbd", NearSpec(within=within))
+    near = _given(scene, other, NearSpec(within=within))
     if tools.near.any() and fits(near, _ANY):
         return near, f"{why}: it gets those within {1e3 * within:g} mm of tools that move"
-    return pbd, f"{why} (regions.default: fem for that)"
+    return pbd, f"{why} (regions.default: {one} for that)"
 
 
 def _given(scene: Scene, kind: ModelKind, near: NearSpec | None = None) -> Scene:
@@ -70,6 +73,8 @@ def _cost_of_fem(scene: Scene, body: Body, tools: ToolSet) -> float:
     coarse = coarse_cells(body, scene.models.pbd.coarse, tools)
     fem, pbd = (
         step_cost(body, sides, scene.models, scene.step, len(tools.names) > 0, coarse)
-        for sides in (cut(ONLY_BODY, body, np.full(body.n_cells, near), "fem", "pbd") for near in (True, False))
+        for sides in (
+            cut(ONLY_BODY, body, np.full(body.n_cells, near), NEAR_DEFAULT, FAR_DEFAULT) for near in (True, False)
+        )
     )
     return fem / pbd

@@ -12,6 +12,7 @@ from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
 from softseam_coupling.loops.loop import Outcome, largest
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import InterfaceReport, PartReport
+from softseam_protocol.models import facts_of
 from softseam_services.orchestrator.sides import Sides
 
 Floats = NDArray[np.float64]
@@ -136,5 +137,5 @@ class EnergyBalance:
 
 def _in_parts(sides: Sides, replies: Mapping[str, Advanced], solution: Outcome) -> bool:
     """Whether a step was cut: its wrench is of one of its parts then, or a mean, and says nothing of their work."""
-    cut = any(reply.n_substeps > 1 for name, reply in replies.items() if sides.models[name] == "fem")
+    cut = any(reply.n_substeps > 1 for name, reply in replies.items() if facts_of(sides.models[name]).cuts_steps)
     return cut or solution.parts > 1

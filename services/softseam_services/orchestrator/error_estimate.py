@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Fields
 from softseam_protocol.messages.session import ErrorEstimate
+from softseam_protocol.models import facts_of
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
@@ -126,15 +127,16 @@ class ErrorEstimator:
         assert self._body is not None
         for name, side in fields.items():
             cells = sides.cells[name]
-            told = side.model_error if sides.models[name] == "pbd" else side.mesh_error
+            of_model = facts_of(sides.models[name]).errs_by == "model"
+            told = side.model_error if of_model else side.mesh_error
             judged = self._whole[cells]
             if not len(told):  # a participant that does not estimate its errors
                 told, judged = np.zeros(len(cells)), np.zeros_like(judged)
-            if sides.models[name] == "pbd" and not (self._body.boxes and self._scene.models.pbd.coarse is None):
+            if of_model and not (self._body.boxes and self._scene.models.pbd.coarse is None):
                 judged = np.zeros_like(judged)
             strain += float(side.cell_energy.sum())
             whole += float(side.cell_energy[judged].sum())
-            if sides.models[name] == "pbd":
+            if of_model:
                 model += float(told[judged].sum())
                 answer += float((self._model[cells] * told)[judged].sum())
             else:

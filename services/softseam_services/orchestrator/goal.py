@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Fields
+from softseam_protocol.models import facts_of, some_read
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Ints
 from softseam_services.body.errors import MeshError
@@ -117,7 +118,7 @@ class Goal:
             raise NoAdjoint
         scale = _STRAIN / span
         y = turned + scale * z
-        fine = [cells for name, cells in sides.cells.items() if sides.models[name] == "fem"]
+        fine = [cells for name, cells in sides.cells.items() if facts_of(sides.models[name]).errs_by == "mesh"]
         mesh = self._mesh_error(fine[0], x, y, cauchy) / scale if fine and self._octant is None else 0.0
         model = self._model_error(sides, x, z, forces) + self._read_otherwise(sides, x, value)
         theta = np.zeros(0)
@@ -167,7 +168,8 @@ class Goal:
     def _read_otherwise(self, sides: Sides, x: Floats, value: float) -> float:
         """What FEM reads of PBD's positions at a probe but PBD does not: J_F(u_P) - J_P(u_P)."""
         if self._octant is None or any(
-            sides.models[name] == "fem" and self._octant[0] in cells for name, cells in sides.cells.items()
+            some_read([sides.models[name]], "fem.element") and self._octant[0] in cells
+            for name, cells in sides.cells.items()
         ):
             return 0.0
         assert self._adjoint is not None
@@ -175,7 +177,7 @@ class Goal:
 
     def _model_error(self, sides: Sides, x: Floats, z: Floats, forces: Floats) -> float:
         """Eq. (1), with FEM's forces of all cells (C, 27, 3)."""
-        coarse = [cells for name, cells in sides.cells.items() if sides.models[name] == "pbd"]
+        coarse = [cells for name, cells in sides.cells.items() if facts_of(sides.models[name]).errs_by == "model"]
         if not coarse:
             return 0.0
         cells, blocks = coarse[0], self._blocks

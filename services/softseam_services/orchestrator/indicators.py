@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from softseam_coupling.traction import face_normals, face_tractions, traction_jump
 from softseam_protocol.messages.participant import Fields
 from softseam_protocol.messages.session import Indicators
+from softseam_protocol.models import facts_of
 from softseam_services.body.body import Body
-from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE
 from softseam_services.orchestrator.seam_faces import face_corners, seam_faces
 from softseam_services.orchestrator.sides import Sides
 
@@ -22,7 +22,7 @@ def measure(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Map
     """The indicators of the whole body; fields were asked for with indicators, neighbours (C, 6) as in `CellGrid`."""
     model, mesh, jump, gap = np.zeros((4, body.n_cells))
     for name, side in fields.items():
-        if sides.models[name] == "pbd":
+        if facts_of(sides.models[name]).errs_by == "model":
             model[sides.cells[name]] = told(side.model_error, len(sides.cells[name]))
         else:
             mesh[sides.cells[name]] = told(side.mesh_error, len(sides.cells[name]))
@@ -54,7 +54,7 @@ def _jumps(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Mapp
     x = np.empty((body.n_nodes, 3))
     for name in (sides.far, sides.near):
         x[fields[name].nodes] = fields[name].x
-    sample = {name: FEM_SAMPLE if sides.models[name] == "fem" else PBD_SAMPLE for name in sides.names}
+    sample = {name: facts_of(sides.models[name]).stress_at for name in sides.names}
     for face, cells, others in seam_faces(body, sides, neighbours):
         normal = face_normals(x[body.cell_nodes[cells][:, face_corners(face)]])
         tractions = []

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from softseam_coupling.regions import CellGrid, RegionRule, RegionState
 from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.participant import Advanced, Fields
+from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT
 from softseam_protocol.scene.regions import NearSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
@@ -66,11 +67,11 @@ class NearCells:
         self._rule = _rule(near, self._fixed)
         self._horizon = _STEPS_AHEAD if near is None or near.ahead is None else near.ahead / scene.step
         self._refinement = RefinementIndicators(body, near, scene.regions.goal)
-        self.model = "fem" if near is None else near.model
+        self.model = NEAR_DEFAULT if near is None else near.model
         """model of the near cells"""
         self._far_model, self._models, self._dt = scene.regions.far, scene.models, scene.step
         self._spares = near is not None and near.split == "when_cheaper" and not self._fixed
-        self._spares = self._spares and (self.model, self._far_model) == ("fem", "pbd")
+        self._spares = self._spares and (self.model, self._far_model) == (NEAR_DEFAULT, FAR_DEFAULT)
         self._coarse = coarse_cells(body, scene.models.pbd.coarse, tools)
         self._alone = self._cost(np.ones(body.n_cells, dtype=np.bool_)) if self._spares else 0.0
         self._why = self._enough(near) if self._spares else ""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Advanced, Fields
+from softseam_protocol.models import PARTICLES_DEFAULT
 from softseam_services.orchestrator.near_cells import Unmet
 from softseam_services.orchestrator.sides import Sides
 
@@ -15,7 +16,7 @@ from softseam_services.orchestrator.sides import Sides
 class NoCells:
     """Stands for `NearCells` where there are no cells."""
 
-    model = "pbd"
+    model = PARTICLES_DEFAULT
     looks_for = (False, False)
     looks_for_goal = False
     enough = ""

@@ -39,6 +39,7 @@ from softseam_protocol.messages.participant import (
     SnapshotTaken,
     ToolMotion,
 )
+from softseam_protocol.models import facts_of
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.coupling import Coupling
@@ -272,11 +273,13 @@ class Participants:
             self._coupling.loop.forget_sent()
 
     def _tell_cuts(self, solution: Outcome) -> None:
-        """Tell where FEM could not take the step at once; PBD's monitor tells itself."""
+        """Tell where a model could not take the step at once; PBD's monitor tells itself."""
         for name, reply in solution.replies.items():
             asked_for = self._scene.models.fem.step_error is not None
-            if reply.n_substeps > solution.parts and self.sides.models[name] == "fem" and not asked_for:
-                taken = f"step {self._clock.step}, {name} (fem): taken in {reply.n_substeps} parts"
+            if reply.n_substeps > solution.parts and facts_of(self.sides.models[name]).cuts_steps and not asked_for:
+                taken = (
+                    f"step {self._clock.step}, {name} ({self.sides.models[name]}): taken in {reply.n_substeps} parts"
+                )
                 self._tell("step", taken, count=reply.n_substeps)
 
     def _advance(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from softseam_protocol.messages.session import Frame
+from softseam_protocol.models import facts_of
 from softseam_protocol.quantities import PROBED
 from softseam_protocol.scene.spec import Vector
 from softseam_protocol.table import Table
@@ -19,7 +20,7 @@ from softseam_services.body.build import AnyBody
 from softseam_services.body.errors import MeshError
 from softseam_services.body.interpolate import hex27
 from softseam_services.body.own_shapes import local_place
-from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE, point_recovery
+from softseam_services.body.recover import point_recovery
 from softseam_services.orchestrator.stress import von_mises
 
 Floats = NDArray[np.float64]
@@ -66,7 +67,7 @@ class Probes:
             return {}
         if self._recovery is None or not np.array_equal(frame.cell_near, self._near):
             self._near = frame.cell_near.copy()
-            near, far = (FEM_SAMPLE if model == "fem" else PBD_SAMPLE for model in (near_model, far_model))
+            near, far = (facts_of(model).stress_at for model in (near_model, far_model))
             self._recovery = self._recover(np.where(frame.cell_near == 1, near, far))
         cauchy = self._recovery @ frame.cauchy.reshape(-1, 6)
         moved = np.einsum("pa,pai->pi", self._weight, frame.x[self._nodes]) - self._rest

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from softseam_protocol.messages.participant import Fields
+from softseam_protocol.models import facts_of
 from softseam_protocol.scene.regions import NearSpec
 from softseam_services.body.body import Body
 from softseam_services.body.hardly_filled import HardlyFilled
-from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE, nodal_recovery
+from softseam_services.body.recover import nodal_recovery
 from softseam_services.orchestrator.indicators import told
 from softseam_services.orchestrator.sides import Sides
 from softseam_services.orchestrator.stress import von_mises
@@ -72,7 +73,7 @@ class RefinementIndicators:
             cauchy, sample = np.empty((body.n_cells, 8, 6)), np.empty(body.n_cells)
             for name, side in fields.items():
                 cauchy[sides.cells[name]] = side.cauchy
-                sample[sides.cells[name]] = FEM_SAMPLE if sides.models[name] == "fem" else PBD_SAMPLE
+                sample[sides.cells[name]] = facts_of(sides.models[name]).stress_at
             if self._recovery is None or not np.array_equal(self._recovery[0], cut):
                 fits = [nodal_recovery(body, sample, number) for number in range(len(body.materials))]
                 self._recovery = cut.copy(), fits

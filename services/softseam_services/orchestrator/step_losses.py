@@ -12,10 +12,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from softseam_protocol.models import some_read
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.models import DampingSpec
 from softseam_protocol.scene.scene import Scene
-from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 
 LIMIT = 0.05
@@ -38,7 +38,7 @@ class StepLosses:
         own = isinstance(spec, BodySpec) and any(material.retardation_time > 0.0 for material in spec.materials)
         self._damped = own or spec.damping > 0.0 or scene.models.pbd.damping != DampingSpec()
         self._static = scene.models.fem.integrator == "static"
-        self._pbd = not isinstance(body, Body) or scene.regions.default == "pbd"
+        self._takes_substeps = some_read([scene.regions.default], "pbd.substeps")
         self.forget()
 
     def forget(self) -> None:
@@ -89,6 +89,6 @@ class StepLosses:
 
     @property
     def _advice(self) -> str:
-        if self._pbd:
+        if self._takes_substeps:
             return "take more models.pbd.substeps"  # that are `auto` are as long in shorter steps
         return "shorten the step, take regions: {default: pbd}, or models.fem: {integrator: midpoint, radius: 0.9}"

@@ -9,6 +9,7 @@ from softseam_coupling.ledger import Alarm
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import ErrorEstimate
+from softseam_protocol.models import some_read
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.kinds import element_warning
 from softseam_protocol.scene.scene import Scene
@@ -104,7 +105,9 @@ class ToolWarnings:
 def locking(scene: Scene) -> str:
     """That FEM's element locks with the scene's material; '' where it does not, or FEM has no part."""
     near, body = scene.regions.near, scene.body
-    if not isinstance(body, BodySpec) or "fem" not in (scene.regions.default, near.model if near else ""):
+    if not isinstance(body, BodySpec) or not some_read(
+        (scene.regions.default, near.model if near else None), "fem.element"
+    ):
         return ""
     return element_warning(
         scene.models.fem.element, max(material.poisson for material in body.materials), body.tetrahedral

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from time import perf_counter
 
 from softseam_protocol.messages.participant import Configure, Reply, Request, Worked
+from softseam_protocol.models import MODELS
 from softseam_services.orchestrator.transport import Transport, worked
 
 
@@ -18,7 +19,7 @@ class Stopwatch:
     def begin(self, now: float) -> None:
         """A step begins."""
         self._began = now
-        self._seconds = {"fem": 0.0, "pbd": 0.0, "bus": 0.0}
+        self._seconds = {**dict.fromkeys(MODELS, 0.0), "bus": 0.0}
         self._away = 0.0  # time in exchanges [s]
 
     def spent(self, model: str, seconds: float) -> None:

@@ -8,11 +8,10 @@ from functools import partial
 
 from softseam.claims.claim import Scale
 from softseam_studies.atlas.maps.grid import Cell, Map, Panel
-from softseam_studies.atlas.scenes import MODELS, Model
+from softseam_studies.atlas.scenes import FEM, MODELS, PAIR, Model
 from softseam_studies.atlas.trace import Trace
 from softseam_studies.atlas.verdicts import Verdict, judge, percent
 
-PAIR: tuple[Model, ...] = ("fem", "pbd")
 BOUND = 0.1
 """largest relative error of an accurate force [1]"""
 MATERIAL: dict[str, str | float] = {
@@ -63,7 +62,7 @@ class ByCells:
     def claim(self, column: str, edge: float) -> Verdict:
         """One cell of claims; of the longest cells, which have no longer ones, the sibling's are half as long."""
         sibling = 2.0 * edge if edge < self.edges[0] else 0.5 * edge
-        here, there = (self.force("fem", column, each) for each in (edge, sibling))
+        here, there = (self.force(FEM, column, each) for each in (edge, sibling))
         right = self.truth(column)
         scale = Scale(alike=True, taken=0.0, finer=sibling < edge).at(self.quantity)
         claimed = scale.claim(abs(here.value - there.value), right, 0.0) / right
@@ -73,4 +72,4 @@ class ByCells:
 
     def truth(self, column: str) -> float:
         """[N]"""
-        return self.force("fem", column, self.finest).value
+        return self.force(FEM, column, self.finest).value

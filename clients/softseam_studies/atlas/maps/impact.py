@@ -7,7 +7,7 @@ from typing import Any
 
 from softseam.observation import Observation
 from softseam_studies.atlas.maps.grid import Cell, Map, Panel
-from softseam_studies.atlas.scenes import MODELS, Model
+from softseam_studies.atlas.scenes import MODELS, PAIR, Model
 from softseam_studies.atlas.trace import follow
 from softseam_studies.atlas.verdicts import Verdict, judge
 
@@ -16,7 +16,6 @@ SPEEDS = (0.3, 1.0, 3.0, 10.0)
 THICKNESSES = (0.2e-3, 1e-3, 5e-3, 20e-3)
 """[m]"""
 HIT = ("plate", "rod")
-PAIR: tuple[Model, ...] = ("fem", "pbd")
 EDGE, STEP, GAP = 0.02, 0.01, 0.01
 
 

@@ -7,8 +7,9 @@ from functools import cache, partial
 from typing import Any
 
 from softseam.observation import Observation
+from softseam_protocol.scene.models import CLASSIC_PBD
 from softseam_studies.atlas.maps.grid import Cell, Map, Panel
-from softseam_studies.atlas.scenes import force_share, press, pressed
+from softseam_studies.atlas.scenes import XPBD, force_share, press, pressed
 from softseam_studies.atlas.trace import Trace, follow
 from softseam_studies.atlas.verdicts import Verdict, judge
 
@@ -66,7 +67,7 @@ def build(sweeps: tuple[int, ...] = SWEEPS, substeps: tuple[int | str, ...] = SU
 
 def block(substeps: int | str, young: float) -> Verdict:
     """The press, with so many substeps a step."""
-    scene = press(young, 0.01, "pbd", pbd={"substeps": substeps})
+    scene = press(young, 0.01, XPBD, pbd={"substeps": substeps})
     return judge(follow(scene, force_share(young)), pressed(0.1), BOUND, "force")
 
 
@@ -91,7 +92,7 @@ def classic(sweeps: int, share: float, per_substep: bool) -> Verdict:
 @cache
 def _classic(sweeps: int, share: float, per_substep: bool) -> Trace:
     keys = {"stretch": share, "bending": 0.0, "per_substep": per_substep}
-    return hang({"method": "pbd", "classic": keys, "sweeps": sweeps, "substeps": 4}, 500.0)
+    return hang({"method": CLASSIC_PBD, "classic": keys, "sweeps": sweeps, "substeps": 4}, 500.0)
 
 
 def hang(pbd: dict[str, Any], stretch: float) -> Trace:
@@ -112,7 +113,7 @@ def hang(pbd: dict[str, Any], stretch: float) -> Trace:
             "damping": 8.0,
             "fixed": [{"min": [-1, -1, 0.499 * LENGTH], "max": [1, 1, 1]}],
         },
-        "models": {"pbd": pbd},
+        "models": {XPBD: pbd},
         "quantities": ["sag", "worst_stretch", "stretch_violation"],
     }
     unmet = 0.0

@@ -9,6 +9,7 @@ from softseam.observation import Observation
 from softseam_protocol.scene.kinds import ELEMENTS as FACTS
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_studies.atlas.maps.grid import Cell, Map, Panel
+from softseam_studies.atlas.scenes import FEM
 from softseam_studies.atlas.trace import Trace, follow
 from softseam_studies.atlas.verdicts import Verdict, judge
 
@@ -108,8 +109,8 @@ def _scene(element: str, ratio: float, size: list[float], cell: list[float], fix
             "material": {"kind": "neo_hookean", "young": YOUNG, "poisson": ratio, "density": 1000.0},
             "fixed": fixed,
         },
-        "regions": {"default": "fem"},
-        "models": {"fem": {"element": element, "integrator": "static"}},
+        "regions": {"default": FEM},
+        "models": {FEM: {"element": element, "integrator": "static"}},
     }
 
 

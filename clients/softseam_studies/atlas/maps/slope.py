@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from softseam_studies.atlas.maps.grid import Cell, Map, Panel
-from softseam_studies.atlas.scenes import MODELS, Model
+from softseam_studies.atlas.scenes import MODELS, PAIR, Model
 from softseam_studies.atlas.trace import follow
 from softseam_studies.atlas.verdicts import Verdict, judge, percent
 
@@ -17,7 +17,6 @@ SLOPES = (10.0, 20.0, 30.0, 40.0)
 """[degrees]"""
 FRICTIONS = (0.2, 0.4, 0.6, 0.8, 1.0)
 GROUNDS = ("plane", "box")
-PAIR: tuple[Model, ...] = ("fem", "pbd")
 BOUND = 0.01
 """of the speed of what slides, of that without friction"""
 CREEP = 2e-4

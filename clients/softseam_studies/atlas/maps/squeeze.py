@@ -5,13 +5,12 @@ from __future__ import annotations
 from functools import partial
 
 from softseam_studies.atlas.maps.grid import Cell, Map, Panel
-from softseam_studies.atlas.scenes import MODELS, Model, confined, force_share, press
+from softseam_studies.atlas.scenes import MODELS, PAIR, Model, confined, force_share, press
 from softseam_studies.atlas.trace import follow
 from softseam_studies.atlas.verdicts import Verdict, judge
 
 SQUEEZES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 SPEEDS = (0.01, 0.1, 0.3, 1.0, 3.0)
-PAIR: tuple[Model, ...] = ("fem", "pbd")
 BOUND = 0.02
 YOUNG, STEP, HOLD = 2e4, 0.005, 0.4
 

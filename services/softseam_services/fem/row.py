@@ -1,0 +1,35 @@
+"""FEM's row in the table of solvers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, cast
+
+from softseam_protocol.messages.participant import Configure, Configured
+from softseam_protocol.participant.solver import Solver
+from softseam_services.body.body import Body
+from softseam_services.body.region import build_region
+from softseam_services.built import Built
+from softseam_services.fem import cost
+from softseam_services.solver_row import SolverRow
+
+if TYPE_CHECKING:  # which builds by this row
+    from softseam_services.server import Setup
+
+
+def build(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Configured]:
+    """A part of cells, with the tables of its region where these are kept."""
+    from softseam_services.fem.region_tables import RegionTables
+    from softseam_services.fem.solver import FemSolver
+
+    body = cast(Body, setup.body)  # it takes no particles: who asks has refused them
+    region = build_region(body, request.cells, request.seam_nodes, request.owns_seam_points)
+    tables = built.find(body, request)
+    tables = tables or RegionTables(body, region, setup.tools, setup.scene, built.structures)
+    solver = FemSolver(setup.scene, body, region, setup.tools, request.state, tables)
+    built.keep(body, request, solver.tables)
+    size, moving = (len(region.nodes), len(region.cells)), solver.moving
+    return solver, Configured(request.header, *size, 1, solver.strain, *moving, 0.0, solver.capabilities)
+
+
+MODEL = "fem"
+ROW = SolverRow(build, cost.of_cells, cost.of_equations, cost.at_rest, "softseam_services.fem.kernels")

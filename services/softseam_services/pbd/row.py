@@ -1,0 +1,44 @@
+"""PBD's row in the table of solvers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from softseam_protocol.messages.participant import Configure, Configured
+from softseam_protocol.participant.solver import Solver
+from softseam_services.body.particles import ParticleBody
+from softseam_services.body.region import build_region
+from softseam_services.built import Built
+from softseam_services.pbd import cost
+from softseam_services.solver_row import SolverRow
+
+if TYPE_CHECKING:  # which builds by this row
+    from softseam_services.server import Setup
+
+
+def build(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Configured]:
+    """A part of cells, or a body of particles."""
+    if isinstance(setup.body, ParticleBody):
+        return _build_particles(setup, setup.body, request)
+    from softseam_services.pbd.model import STRUCTURES, lay_out
+    from softseam_services.pbd.solver import PbdSolver
+
+    region = build_region(setup.body, request.cells, request.seam_nodes, request.owns_seam_points)
+    structure = STRUCTURES.find(lay_out(setup.body, region, setup.tools, setup.scene.models.pbd))
+    solver = PbdSolver(setup.scene, setup.body, region, setup.tools, request.state, structure)
+    size, moving = (len(region.nodes), len(region.cells)), solver.moving
+    return solver, Configured(request.header, *size, solver.substeps, solver.strain, *moving, 0.0, solver.capabilities)
+
+
+def _build_particles(setup: Setup, body: ParticleBody, request: Configure) -> tuple[Solver, Configured]:
+    """A sheet or rope is one region, whole."""
+    from softseam_services.pbd.particles.model import STRUCTURES, lay_out
+    from softseam_services.pbd.particles.solver import ParticleSolver
+
+    structure = STRUCTURES.find(lay_out(body, setup.scene.models.pbd))
+    solver = ParticleSolver(setup.scene, body, setup.tools, request.state, structure)
+    return solver, Configured(request.header, body.n_nodes, 0, solver.substeps, solver.strain, *solver.moving)
+
+
+MODEL = "pbd"
+ROW = SolverRow(build, cost.of_cells, cost_at_rest=cost.of_cells, kernels="softseam_services.pbd.kernels")
