@@ -23,8 +23,6 @@ CALM = 1e-3
 """root mean square speed below which an island is calm [m/s]"""
 _CALM_STEPS = 8
 """that an island is calm before it sleeps"""
-_NEAR = 0.01
-"""how far from a body a tool that moves wakes it [m]"""
 
 
 @dataclass(frozen=True)
@@ -58,12 +56,12 @@ def calm(island: Island) -> bool:
 
 
 def tool_comes(island: Island) -> str:
-    """Wake what a moving tool is near."""
+    """Wake what a moving tool will be near as the step ends: the ball that holds it meets a body's box."""
     for tool in island.moving:
         for body, (low, high) in island.bounds.items():
             position = island.tools[tool]
             away = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))
-            if away < island.reach[tool] + _NEAR:
+            if away < island.reach[tool]:
                 return f"{tool} moves near {body}"
     return ""
 

@@ -17,6 +17,7 @@ from softseam_protocol.bus.client import Bus
 from softseam_protocol.bus.server import Handler
 from softseam_protocol.errors import BusError
 from softseam_protocol.messages.participant import Configure
+from softseam_protocol.models import MODELS
 from softseam_protocol.participant.handler import ParticipantHandler
 from softseam_protocol.participant.part import Part
 from softseam_protocol.participant.part_solver import participant_of
@@ -50,7 +51,7 @@ def serving(
     """
     keys = Keys(deployment)
     participant = solver if isinstance(solver, Participant) else participant_of(solver)
-    handler = ParticipantHandler(participant, models or (service, "fem", "pbd"))
+    handler = ParticipantHandler(participant, models or (service, *MODELS))
     handlers: dict[str, Handler] = {keys.participant(service): handler, keys.echo(service): bytes}
     ended: queue.SimpleQueue[BaseException | None] = queue.SimpleQueue()
     with Bus(connect, wait) as bus:
