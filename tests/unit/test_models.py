@@ -106,7 +106,7 @@ def test_it_is_unknown_without_its_row(tmp_path: Path) -> None:
 def test_what_takes_no_cells_is_refused_for_a_body_in_cells(tmp_path: Path) -> None:
     MODELS.add("grains", replace(FACTS, takes=frozenset({"particles"})))
     try:
-        with pytest.raises(SceneError, match="grains takes no cells: use one of fem, pbd"):
+        with pytest.raises(SceneError, match=r"regions\.default: grains does not take these cells: use fem or pbd"):
             _scene(tmp_path)
     finally:
         MODELS.remove("grains")

@@ -177,8 +177,10 @@ def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None
         scene.models.fem.integrator, scene.seam.scheme if near else None, bool(scene.tools), bool(body.fixed)
     )
     models = {scene.regions.far, near.model if near else scene.regions.far}
-    if unable := [name for name in models if name not in taking("tetrahedra" if body.tetrahedral else "cells")]:
-        raise wrong(f"{unable[0]} takes no cells: use one of {', '.join(taking('cells'))}", "regions", "default")
+    able = taking("tetrahedra" if body.tetrahedral else "cells")
+    for model, *at in ((scene.regions.far, "default"), *([(near.model, "near", "model")] if near else [])):
+        if model not in able:
+            raise wrong(f"{model} does not take these cells: use {' or '.join(able)}", "regions", *at)
     if problem and some_read(models, "fem.integrator"):
         raise wrong(problem, *key("models.fem.integrator"))
     if body.material.retardation_time > 0.0:
