@@ -1,6 +1,6 @@
 """A model from outside, with its own name, in a process of its own: masses on springs fall in a box and come to rest.
 
-`grains.py` beside this is all that its author writes: the physics of a part, and the row of the model.
+`mass_springs.py` beside this is all that its author writes: the physics of a part, and the row of the model.
 """
 
 from __future__ import annotations
@@ -8,10 +8,10 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import mass_springs
 import numpy as np
 import pytest
 from extended_services import extended
@@ -20,12 +20,10 @@ import softseam
 from softseam.recording import Recording
 from softseam.report import ReportBuilder
 from softseam.view import colors
+from softseam_protocol.models import MODELS
 from softseam_protocol.scene.scene import Scene
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.xfail(strict=True, raises=ModuleNotFoundError, reason="decision 60: a model with a service of its own"),
-]
+pytestmark = pytest.mark.slow
 EDGE, FALL, DENSITY, STEP = 0.03, 0.003, 1000.0, 5e-3
 WEIGHT = 9.81 * DENSITY * EDGE**3
 WALLS = {"left": (-1, 0), "right": (1, 0), "front": (0, -1), "back": (0, 1)}
@@ -35,19 +33,16 @@ SOFTSEAM = str(Path(sys.executable).with_name("softseam"))
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Services that know the model's row, and its own service beside them."""
-    for needed in ("softseam_protocol.models", "softseam_protocol.participant"):
-        import_module(needed)
-    grains: Any = import_module("grains")
-    grains.add()
-    with extended(tmp_path_factory.mktemp("services"), "import grains\ngrains.add()\n") as (where, _):
-        command = [sys.executable, "-m", "grains", where]
+    mass_springs.add()
+    with extended(tmp_path_factory.mktemp("services"), "import mass_springs\nmass_springs.add()\n") as (where, _):
+        command = [sys.executable, "-m", "mass_springs", "--connect", where]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             try:
                 assert process.stdout is not None and "answers" in process.stdout.readline()
                 yield where
             finally:
                 process.terminate()
-    grains.remove()
+    MODELS.remove("springs")
 
 
 def scene() -> Scene:
@@ -65,15 +60,15 @@ def scene() -> Scene:
     }
     data: dict[str, Any] = {"softseam": 1, "name": "falls", "step": STEP, "duration": 0.5, "body": body}
     return Scene.model_validate(
-        data | {"tools": {"ground": {"kind": "plane"}, **walls}, "regions": {"default": "grains"}}
+        data | {"tools": {"ground": {"kind": "plane"}, **walls}, "regions": {"default": "springs"}}
     )
 
 
 def test_it_conforms(endpoint: str) -> None:
     """The kit's solid: springs meet its Young's modulus and Poisson's ratio along the axes."""
-    command = [SOFTSEAM, "conform", endpoint, "--service", "grains"]
+    command = [SOFTSEAM, "conform", endpoint, "--service", "springs"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0 and "grains conforms" in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 0 and "springs conforms" in done.stdout, done.stdout + done.stderr
 
 
 def test_it_comes_to_rest_under_its_own_name(endpoint: str) -> None:
@@ -83,16 +78,18 @@ def test_it_comes_to_rest_under_its_own_name(endpoint: str) -> None:
     assert seen.wrench["ground"][2] == pytest.approx(-WEIGHT, rel=0.01)
     assert max(np.abs(seen.wrench[name]).max() for name in WALLS) == 0.0
     assert seen.positions[:, 2].min() > -0.1 * FALL and seen.momentum[2] == pytest.approx(0.0, abs=1e-4 * WEIGHT)
-    assert {part.model for part in seen.parts.values()} == {"grains"} and seen.seconds["grains"] > 0.0
+    assert {part.model for part in seen.parts.values()} == {"springs"} and seen.seconds["springs"] > 0.0
     assert sim.recorded is not None
     recording = Recording(sim.recorded.path)
     builder = ReportBuilder(recording.bundle, facts=recording.facts)
     for message in recording:
         builder.add(message)
     report, columns = builder.build(), builder.columns
-    assert report["model"] == "grains" and report["models"]["body"].startswith("Grains on all 1 cells")
-    assert report["wall"]["grains"] > 0.0 and report["wall"]["grains"] == pytest.approx(columns["seconds.grains"].sum())
-    assert [*colors.parts(columns.models).values()] == [("Grains", (190, 150, 90))]
+    assert report["model"] == "springs" and report["models"]["body"].startswith("Springs on all 1 cells")
+    assert report["wall"]["springs"] > 0.0 and report["wall"]["springs"] == pytest.approx(
+        columns["seconds.springs"].sum()
+    )
+    assert [*colors.parts(columns.models).values()] == [("Springs", (190, 150, 90))]
 
 
 def test_a_snapshot_of_it_goes_on_with_the_same_bits(endpoint: str) -> None:
