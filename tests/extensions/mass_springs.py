@@ -83,8 +83,8 @@ class MassSprings(Part):
 
     def response(self, state: State, dt: float) -> Floats:
         """By steps under a small force each, without tools."""
-        size, still = PROBE * float(self.k.max()) * self.h, ToolMotion(*(np.zeros((0, n)) for n in (3, 4, 3, 4)))
-        planes, self.planes = self.planes, {}
+        size, none = PROBE * float(self.k.max()) * self.h, np.zeros((0, 3))
+        planes, self.planes, still = self.planes, {}, ToolMotion(none, np.zeros((0, 4)), none, np.zeros((0, 4)))
         forces = np.concatenate([np.zeros((1, len(self.coupling) * 3)), size * np.eye(len(self.coupling) * 3)])
         ends = [self.step(state, dt, one.reshape(-1, 3), still).x.ravel() for one in forces]
         self.planes = planes

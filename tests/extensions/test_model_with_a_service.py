@@ -8,10 +8,10 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import mass_springs
 import numpy as np
 import pytest
 from extended_services import extended
@@ -33,7 +33,7 @@ SOFTSEAM = str(Path(sys.executable).with_name("softseam"))
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Services that know the model's row, and its own service beside them."""
-    mass_springs.add()
+    import_module("mass_springs").add()
     with extended(tmp_path_factory.mktemp("services"), "import mass_springs\nmass_springs.add()\n") as (where, _):
         command = [sys.executable, "-m", "mass_springs", "--connect", where]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
