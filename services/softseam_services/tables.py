@@ -6,11 +6,13 @@ the other hears of it when a service starts or a session opens in this process, 
 
 from __future__ import annotations
 
+from softseam_coupling import ladder
 from softseam_coupling.interfaces import KINDS
 from softseam_coupling.loops import LOOPS
 from softseam_protocol.models import MODELS, solved_here
 from softseam_protocol.scene.interfaces import INTERFACES
 from softseam_protocol.scene.kinds import ELEMENTS, INTEGRATORS, SCHEMES
+from softseam_protocol.scene.ladder import RUNGS
 from softseam_protocol.scene.materials import MATERIALS
 from softseam_protocol.scene.particles import CONSTRAINTS
 from softseam_protocol.scene.parts import PARTS
@@ -31,6 +33,7 @@ def check_tables() -> None:
         (INTEGRATORS, integrators.INTEGRATORS),
         (SCHEMES, LOOPS),
         (INTERFACES, KINDS),
+        (RUNGS, ladder.RUNGS),
         (TOOLS, SHAPES),
         (CONSTRAINTS, constraints.CONSTRAINTS),
         (PARTS, SHAPES),

@@ -74,12 +74,12 @@ class MassSprings(Part):
                 wrench[i, :3] -= press.sum(axis=0) / n
                 wrench[i, 3:] -= np.cross(x - tools.position_next[i], press).sum(axis=0) / n
             x = x + dt / n * v
-        touched = {"advanced": {"wrench": wrench, "tool_work": work}} if wrench.any() else {}
-        return State(x, v, **touched)
+        touched = {"wrench": wrench, "tool_work": work} if wrench.any() else {}
+        return State(x, v, advanced=touched)
 
     def strain_energy(self, state: State) -> Floats:
         stretch = self._stretch(state.x)[1]
-        return np.bincount(self.cell, 0.5 * self.k * stretch**2, len(self.mesh.cell_nodes))
+        return np.asarray(np.bincount(self.cell, 0.5 * self.k * stretch**2, len(self.mesh.cell_nodes)), dtype=float)
 
     def response(self, state: State, dt: float) -> Floats:
         """By steps under a small force each, without tools."""

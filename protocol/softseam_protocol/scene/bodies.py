@@ -17,6 +17,7 @@ from pydantic import (
 
 from softseam_protocol.scene.friction_field import FrictionFieldSpec
 from softseam_protocol.scene.kinds import IN_BLOCKS, IN_MESHES, ON_TETRAHEDRA, ElementKind
+from softseam_protocol.scene.ladder import AnyRung
 from softseam_protocol.scene.materials import AnyMaterial, InclusionSpec, MaterialSpec
 from softseam_protocol.scene.mesh_files import MeshPart, MeshScale, MeshUp, usual_scale, usual_up
 from softseam_protocol.scene.particles import RopeBody, SheetBody, TetMeshBody
@@ -137,6 +138,12 @@ class BodySpec(OwnRegions):
         default=0.0,
         description="drag of still air, in every model: force over mass and velocity, so that an oscillation decays "
         "with half of it [1/s]",
+    )
+    ladder: tuple[AnyRung, ...] = Field(
+        default=(),
+        exclude_if=lambda rungs: not rungs,
+        description="what it may be simulated as while it runs, chosen before each step: of the rungs that hold, the "
+        "last; default: as it is",
     )
     friction_field: FrictionFieldSpec | None = Field(
         default=None, description="how friction on tools varies over its surface; default: not at all"

@@ -11,6 +11,8 @@ from softseam_services.orchestrator.transport import ParticipantFailed, worked
 from softseam_services.pbd.two_threads import cores
 from softseam_services.server import ParticipantServer, Setup
 
+_BUNDLES = 4
+"""of which participants that are built later share the bodies: the last ones"""
 _WORTH_A_THREAD = 6e-4
 """[s]; a hand-over to another thread costs about a tenth of that, and kernels leave the interpreter to the other"""
 
@@ -20,13 +22,13 @@ class EmbeddedTransport:
 
     def __init__(self) -> None:
         self._servers: dict[str, ParticipantServer] = {}
-        self._setups: tuple[Bundle, Mapping[str, Setup]] | None = None
+        self._setups: list[tuple[Bundle, Mapping[str, Setup]]] = []
         self._pool: ThreadPoolExecutor | None = None
         self._seconds: dict[tuple[str, type[Request]], float] = {}  # what the last request of a kind took [s]
 
     def adopt(self, bundle: Bundle, setups: Mapping[str, Setup]) -> None:
         """Let the participants share the orchestrator's bodies instead of building their own."""
-        self._setups = (bundle, setups)
+        self._setups = [*self._setups[1 - _BUNDLES :], (bundle, setups)]
         for server in self._servers.values():
             server.adopt(bundle, setups)
 
@@ -72,6 +74,6 @@ class EmbeddedTransport:
         server = self._servers.get(name)
         if server is None:
             server = self._servers[name] = ParticipantServer()
-            if self._setups is not None:
-                server.adopt(*self._setups)
+            for bundle, setups in self._setups:
+                server.adopt(bundle, setups)
         return server

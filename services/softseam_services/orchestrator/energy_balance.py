@@ -120,6 +120,15 @@ class EnergyBalance:
         }
         return Entry(parts, interfaces, energy, momentum, angular, penetration, drive_work)
 
+    @property
+    def energies(self) -> Energies:
+        """Of the body as it stands."""
+        return self.begun if self.ledger is None else self.ledger.last
+
+    def take_over(self, other: EnergyBalance) -> None:
+        """Go on with what was booked of the same body."""
+        self.ledger, self.begun, self._told = other.ledger, other.begun, other._told
+
     def share_of_switch(self, change: float) -> float:
         """A switch's change of energy [J] over the body's [1]; beyond `SWITCH_LIMIT` it is better not made."""
         return self._book.share_of_switch(self.ledger, change)

@@ -26,7 +26,7 @@ from softseam_services.body.kernels.turning import MASS, MOTION, PLACE
 from softseam_services.orchestrator.body_turn import BodyTurn, turn_about_one_another
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.participants import Kept, StepFailed
-from softseam_services.orchestrator.sides import part_mesh, resting_state
+from softseam_services.orchestrator.sides import part_mesh, resting_state, side_mass
 from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.orchestrator.subdivided_step import take_step
@@ -100,7 +100,10 @@ class JoinedBodies:
         self._bodies = {name: cast(Body, body.body) for name, body in bodies.items()}
         self._interfaces, self._transport, self._clock, self._report = interfaces, transport, clock, report
         self._joints = {name: joints_of(name, interfaces) for name in bodies}
-        self._mobility = {name: 1.0 / _node_mass(body)[self._joints[name]] for name, body in self._bodies.items()}
+        self._mobility = {
+            name: 1.0 / side_mass(body, np.arange(body.n_cells, dtype=np.int32))[self._joints[name]]
+            for name, body in self._bodies.items()
+        }
         self._start = {name: between.kind.save() for name, between in interfaces.items()}
         self.reports: dict[str, InterfaceReport] = {}
         """of the last step, by interface"""
@@ -350,10 +353,3 @@ def _split(interfaces: tuple[Interface, ...], multipliers: Floats) -> list[Float
 
 def _named(arrays: Mapping[str, Floats], begin: str) -> Arrays:
     return {name.removeprefix(begin): array for name, array in arrays.items() if name.startswith(begin)}
-
-
-def _node_mass(body: Body) -> Floats:
-    """(N,) [kg]"""
-    mass = np.zeros(body.n_nodes)
-    np.add.at(mass, body.cell_nodes.reshape(-1), body.cell_mass.reshape(-1))
-    return mass

@@ -82,6 +82,11 @@ class Regions:
             self._watch.reset()
         return self.participants.configure(self._tied(state), state)
 
+    def state(self) -> BodyState:
+        """The whole body, which is in cells, as it stands."""
+        assert isinstance(self._body, Body)
+        return merged_state(self._body, self.sides, self.participants.observe())
+
     def follow(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> Energies | None:
         """Let the cut follow the scene's rule after a step; the energies after a switch, None where none was made.
 

@@ -18,7 +18,7 @@ Ints = NDArray[np.int32]
 
 _CELLS, _SEAM, _PART = "regions.", "seam.", "part."
 """how the names of such entries of a body begin"""
-_BODY, _JOINED, _SLEEPING = "bodies/", "joined/", "sleeping/"
+_BODY, _JOINED, _SLEEPING, _RUNG = "bodies/", "joined/", "sleeping/", "rung/"
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +108,8 @@ class SavedState:
     """see `JoinedBodies.save`, by island"""
     sleeping: dict[str, NDArray[np.generic]]
     """see `Sleeping.save`"""
+    rungs: dict[str, int]
+    """on which each body that has rungs is, by name"""
 
     def pack(self) -> bytes:
         """As bytes, which `unpack` reads."""
@@ -129,6 +131,7 @@ class SavedState:
         for island, arrays in self.joined.items():
             entries.update({f"{_JOINED}{island}/{name}": array for name, array in arrays.items()})
         entries.update({f"{_SLEEPING}{name}": entry for name, entry in self.sleeping.items()})
+        entries.update({f"{_RUNG}{name}": np.array([rung]) for name, rung in self.rungs.items()})
         return pack(entries)
 
     @classmethod
@@ -165,6 +168,7 @@ class SavedState:
                     for island in islands
                 },
                 sleeping=_named(entries, _SLEEPING),
+                rungs={name: int(rung.flat[0]) for name, rung in _named(entries, _RUNG).items()},
             )
         except (KeyError, ValueError, TypeError) as error:
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error

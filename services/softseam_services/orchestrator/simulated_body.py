@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies
 from softseam_coupling.loops.loop import Outcome
-from softseam_protocol.messages.participant import Advanced, Bundle, ToolMotion
+from softseam_protocol.messages.participant import Advanced, BodyState, Bundle, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, Frame
 from softseam_services.body.body import Body
 from softseam_services.body.bounding_points import bounding_points
@@ -95,6 +95,15 @@ class SimulatedBody:
         self.pierced.forget()
         self.participants.stand(self._clock.step)
         self.balance.begun = self.regions.start(resting_state(self.body))
+
+    def take_over(self, other: SimulatedBody, state: BodyState) -> None:
+        """Go on in this state for the same body on another rung, whose parts it takes; what was measured stays."""
+        self._lift_base, self._slip, self._felt = other._lift_base, other._slip, other._felt
+        self.errors.reset()
+        self.balance.take_over(other.balance)
+        self.participants.stand(self._clock.step)
+        self.balance.switched(self.regions.start(state))
+        other.participants.release(set(other.participants.sides.names) - set(self.participants.sides.names))
 
     # ---- one step
 

@@ -28,6 +28,7 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.energy_balance import Entry
 from softseam_services.orchestrator.islands import advance_all
 from softseam_services.orchestrator.joined_bodies import Between, JoinedBodies, interfaces_of, joints_of
+from softseam_services.orchestrator.ladder import Ladder, standing
 from softseam_services.orchestrator.moving_tools import Move, Moved, MovingTools
 from softseam_services.orchestrator.placement import AT_REST, Placement
 from softseam_services.orchestrator.probes import share_probes
@@ -41,7 +42,7 @@ from softseam_services.orchestrator.step_warnings import ToolWarnings, naming
 from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
 from softseam_services.orchestrator.whereabouts import LOOK_EVERY
-from softseam_services.server import build_setup
+from softseam_services.server import Setup, build_setup
 
 T = TypeVar("T")
 Floats = NDArray[np.float64]
@@ -92,8 +93,9 @@ class Simulation:
         probes = share_probes({name: setup.body for name, setup in setups.items()}, self.scene.probes)
         program = self._moving.program
         interfaces = interfaces_of(self.scene, {name: setup.body for name, setup in setups.items()})
-        self.bodies = {
-            name: SimulatedBody(
+
+        def simulated(name: str, bundle: Bundle, setup: Setup) -> SimulatedBody:
+            return SimulatedBody(
                 name=name,
                 prefix=prefix(name, setups),
                 bundle=bundle,
@@ -103,9 +105,23 @@ class Simulation:
                 transport=self._transport,
                 clock=self._clock,
                 tell=self._event if len(setups) == 1 else naming(name, self._event),
-                gripped=program.grips.first is None or program.grips.first.body is setup.body,
+                gripped=program.grips.first is None or program.grips.first.body is setups[name].body,
                 joints=joints_of(name, interfaces),
             )
+
+        def on_rung(name: str, bundle: Bundle) -> SimulatedBody:
+            setup = build_setup(bundle, name)
+            if isinstance(transport, EmbeddedTransport):
+                transport.adopt(bundle, {name: setup})
+            return simulated(name, bundle, setup)
+
+        self._ladders = {
+            name: Ladder(self.scene, name, body, bundle.files, partial(on_rung, name))
+            for name, body in self.scene.bodies.items()
+            if body.kind == "cells" and body.ladder
+        }
+        self.bodies = {
+            name: self._ladders[name].begin() if name in self._ladders else simulated(name, bundle, setup)
             for name, setup in setups.items()
         }
         """by name, in the scene's order"""
@@ -201,6 +217,8 @@ class Simulation:
         self._sleeping.reset()
         self._forget()
         self.events.clear()
+        for name, ladder in self._ladders.items():
+            self._stand_on(name, ladder.begin())
         for body in self.bodies.values():
             body.reset()
         for island in self._joined:
@@ -257,6 +275,7 @@ class Simulation:
         look = fields or (self._wants_fields and (self._clock.step + 1) % _FIELDS_EVERY == 0)
         then = self._ahead(move, look) if more else None
         self._sleeping.wake(move.motion)
+        self._climb()
         taken = self._sleeping.outcomes()
         lone = {name: island for name, island in self._lone.items() if name not in taken}
         joined = [island for island in self._joined if island.members.keys().isdisjoint(taken)]
@@ -302,9 +321,36 @@ class Simulation:
         """How the tools move in the step after `move`, where nothing else is asked of the participants in between."""
         step, (body, *others) = self._clock.step + 1, self.bodies.values()
         last = self._duration is not None and step >= round(self._duration / self.scene.step)
-        if last or others or self._sleeping.possible or step % _CHECKPOINT_STEPS == 0 or not body.goes_on(step, look):
+        alone = not (others or self._ladders or self._sleeping.possible)
+        if last or not alone or step % _CHECKPOINT_STEPS == 0 or not body.goes_on(step, look):
             return None
         return self._moving.ahead(move)
+
+    def _climb(self) -> None:
+        """Let bodies go to the rungs that they are to be on in the step that begins."""
+        for name, ladder in self._ladders.items():
+            old = self.bodies[name]
+            if name in self._sleeping.outcomes():
+                continue
+            rung = ladder.due(standing(self.time, old.balance.energies))
+            if rung == ladder.at:
+                continue
+            kept = old.participants.keep()
+            try:
+                state = ladder.carried(rung, old)
+                ladder.body(rung).take_over(old, state)
+            except BaseException:
+                old.participants.go_back(kept)
+                raise
+            ladder.at = rung
+            self._stand_on(name, ladder.body(rung))
+
+    def _stand_on(self, name: str, body: SimulatedBody) -> None:
+        """A body is simulated as this from now on."""
+        self.bodies[name] = body
+        if name in self._lone:
+            self._lone[name] = body.participants
+        self._frames = None
 
     def _look(self, solutions: Solutions, asked: bool) -> dict[str, Frame] | None:
         """The bodies' fields where they are asked for; None where they are not, or are lost."""
@@ -461,6 +507,7 @@ class Simulation:
             bodies={name: body.save() for name, body in self.bodies.items()},
             joined={island.name: island.save() for island in self._joined},
             sleeping=self._sleeping.save(),
+            rungs={name: ladder.at for name, ladder in self._ladders.items()},
         ).pack()
 
     def load(self, state: bytes) -> None:
@@ -469,7 +516,10 @@ class Simulation:
         if saved.scene != self._bundle.scene:
             raise ArchiveError("this state was saved from another scene: open that scene to restore it")
         try:
-            for name, body in self.bodies.items():
+            bodies = dict(self.bodies)
+            for name, ladder in self._ladders.items():
+                bodies[name] = ladder.body(saved.rungs[name])
+            for name, body in bodies.items():
                 body.check(saved.bodies[name])
             for island in self._joined:
                 island.check(saved.joined[island.name])
@@ -480,6 +530,9 @@ class Simulation:
         self._clock.start(saved.step)
         self._seed = saved.seed
         self._forget()
+        for name, ladder in self._ladders.items():
+            ladder.at = saved.rungs[name]
+            self._stand_on(name, bodies[name])
         for name, body in self.bodies.items():
             body.load(saved.bodies[name])
         for island in self._joined:
