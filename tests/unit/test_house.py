@@ -17,7 +17,6 @@ def test_a_count_is_within_its_budget(row: house.Count, product: house.Sources) 
     now = row.count(product)
     assert now <= row.budget, "it rose: lower it again, in tests/house.py is what it counts"
     assert row.budget <= max(1.1 * now, now + 3), "it fell: lower its budget in tests/house.py"
-    assert row.goal <= row.budget
 
 
 def test_counts_see_what_they_count() -> None:

@@ -67,7 +67,7 @@ REFUSED: dict[str, tuple[list[dict[str, Any]], dict[str, Any], str]] = {
     "near": (
         [{"kind": "fine"}],
         {"regions": {"default": "pbd", "near": {"model": "fem", "within": 0.01}}},
-        r"regions\.near: cells that are near stay",
+        "cells that have a model of their own stay",
     ),
 }
 

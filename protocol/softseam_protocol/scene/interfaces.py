@@ -38,7 +38,7 @@ def check_interface(name: str, spec: InterfaceSpec, bodies: Mapping[str, AnyBody
         if not isinstance(found, BodySpec):
             raise wrong(f"{body!r} is made of particles, which have no faces: name a body in cells", *at)
         own = found.regions or regions
-        if own.near is not None:
+        if own.cut:
             text = f"{body!r} is cut in two models, which interfaces do not join yet: leave out its regions.near"
             raise wrong(text, *at)
     if spec.between[0] == spec.between[1]:

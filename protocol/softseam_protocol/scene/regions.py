@@ -65,6 +65,11 @@ class RegionsSpec(Spec):
     )
 
     @property
+    def cut(self) -> bool:
+        """Whether some cells may have another model than the rest."""
+        return self.near is not None
+
+    @property
     def far(self) -> ModelKind:
         """Model of the cells that are not near. Raises ValueError where none is named."""
         if self.default is None:

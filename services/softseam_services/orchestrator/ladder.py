@@ -42,8 +42,8 @@ class Ladder:
             raise SettingError(
                 "motion: tools that close measure bodies whose cells stay: leave out the ladder, or move"
             )
-        if scene.of(name).regions.near is not None:
-            raise SettingError(f"regions.near: cells that are near stay: leave it out, or the ladder of {name!r}")
+        if scene.of(name).regions.cut:
+            raise SettingError(f"regions: cells that have a model of their own stay: give {name!r} one, or no ladder")
         if any(name in interface.between for interface in scene.interfaces.values()):
             raise SettingError(f"interfaces: they act on nodes that stay: leave out the ladder of {name!r}")
         self._scene, self._name, self._spec, self._files, self._make = scene, name, spec, dict(files), make
