@@ -76,6 +76,44 @@ class SavedBody:
 
 
 @dataclass(frozen=True, slots=True)
+class SavedBodies:
+    """All of them."""
+
+    named: dict[str, SavedBody]
+    """by name"""
+    joined: dict[str, dict[str, Floats]]
+    """see `JoinedBodies.save`, by island"""
+    sleeping: dict[str, NDArray[np.generic]]
+    """see `Sleeping.save`"""
+    rungs: dict[str, int]
+    """on which each body that has rungs is, by name"""
+
+    def entries(self) -> dict[str, NDArray[np.generic] | bytes]:
+        """What `read` makes it of."""
+        found: dict[str, NDArray[np.generic] | bytes] = {}
+        for body, saved in self.named.items():
+            found |= {f"{_BODY}{body}/{name}": entry for name, entry in saved.entries().items()}
+        for island, arrays in self.joined.items():
+            found |= {f"{_JOINED}{island}/{name}": array for name, array in arrays.items()}
+        found |= {f"{_SLEEPING}{name}": entry for name, entry in self.sleeping.items()}
+        return found | {f"{_RUNG}{name}": np.array([rung]) for name, rung in self.rungs.items()}
+
+    @classmethod
+    def read(cls, entries: dict[str, NDArray[np.generic]]) -> SavedBodies:
+        """From `entries`. Raises KeyError, ValueError or TypeError where anything is missing."""
+        bodies, islands = _by_name(_named(entries, _BODY)), _by_name(_named(entries, _JOINED))
+        return cls(
+            {name: SavedBody.read(of_it) for name, of_it in bodies.items()},
+            {
+                island: {name: array.astype(np.float64) for name, array in arrays.items()}
+                for island, arrays in islands.items()
+            },
+            _named(entries, _SLEEPING),
+            {name: int(rung.flat[0]) for name, rung in _named(entries, _RUNG).items()},
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class SavedTools:
     """Its tools."""
 
@@ -102,14 +140,7 @@ class SavedState:
     step: int
     seed: int
     tools: SavedTools
-    bodies: dict[str, SavedBody]
-    """by name"""
-    joined: dict[str, dict[str, Floats]]
-    """see `JoinedBodies.save`, by island"""
-    sleeping: dict[str, NDArray[np.generic]]
-    """see `Sleeping.save`"""
-    rungs: dict[str, int]
-    """on which each body that has rungs is, by name"""
+    bodies: SavedBodies
 
     def pack(self) -> bytes:
         """As bytes, which `unpack` reads."""
@@ -126,12 +157,7 @@ class SavedState:
             "gripping": tools.gripping,
             "grips": tools.grips,
         }
-        for body, saved in self.bodies.items():
-            entries.update({f"{_BODY}{body}/{name}": entry for name, entry in saved.entries().items()})
-        for island, arrays in self.joined.items():
-            entries.update({f"{_JOINED}{island}/{name}": array for name, array in arrays.items()})
-        entries.update({f"{_SLEEPING}{name}": entry for name, entry in self.sleeping.items()})
-        entries.update({f"{_RUNG}{name}": np.array([rung]) for name, rung in self.rungs.items()})
+        entries.update(self.bodies.entries())
         return pack(entries)
 
     @classmethod
@@ -146,9 +172,6 @@ class SavedState:
             )
         try:
             step, phase, elapsed, lifting, seed, *search = entries["numbers"].astype(np.float64).tolist()
-            of_bodies, of_islands = _named(entries, _BODY), _named(entries, _JOINED)
-            islands = dict.fromkeys(name.partition("/")[0] for name in of_islands)
-            names = dict.fromkeys(name.partition("/")[0] for name in of_bodies)
             return cls(
                 scene=entries["scene"].tobytes().decode(),
                 step=int(step),
@@ -162,13 +185,7 @@ class SavedState:
                     gripping=entries["gripping"].astype(np.int8),
                     grips=entries["grips"].astype(np.float64),
                 ),
-                bodies={name: SavedBody.read(_named(of_bodies, f"{name}/")) for name in names},
-                joined={
-                    island: {name: array.astype(np.float64) for name, array in _named(of_islands, f"{island}/").items()}
-                    for island in islands
-                },
-                sleeping=_named(entries, _SLEEPING),
-                rungs={name: int(rung.flat[0]) for name, rung in _named(entries, _RUNG).items()},
+                bodies=SavedBodies.read(entries),
             )
         except (KeyError, ValueError, TypeError) as error:
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
@@ -177,3 +194,9 @@ class SavedState:
 def _named(entries: dict[str, NDArray[np.generic]], begin: str) -> dict[str, NDArray[np.generic]]:
     """Entries whose names begin like this, by the rest of their names."""
     return {name.removeprefix(begin): array for name, array in entries.items() if name.startswith(begin)}
+
+
+def _by_name(entries: dict[str, NDArray[np.generic]]) -> dict[str, dict[str, NDArray[np.generic]]]:
+    """Entries `NAME/REST`, by name and rest."""
+    names = dict.fromkeys(key.partition("/")[0] for key in entries)
+    return {name: _named(entries, f"{name}/") for name in names}

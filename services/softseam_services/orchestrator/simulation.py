@@ -12,9 +12,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.islands import islands_of
-from softseam_coupling.loops.loop import Outcome
-from softseam_protocol.messages.names import prefix
 from softseam_protocol.messages.outcomes import Detail, EventKind
 from softseam_protocol.messages.participant import Bundle, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
@@ -23,22 +20,18 @@ from softseam_protocol.scene.file import scene_from_bundle
 from softseam_protocol.scene.scene import SeveralBodies
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.archive import ArchiveError
+from softseam_services.orchestrator.bodies import Bodies, Solutions
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.energy_balance import Entry
-from softseam_services.orchestrator.islands import advance_all
-from softseam_services.orchestrator.joined_bodies import Between, JoinedBodies, interfaces_of, joints_of
-from softseam_services.orchestrator.ladder import Ladder, standing
 from softseam_services.orchestrator.moving_tools import Move, Moved, MovingTools
 from softseam_services.orchestrator.placement import AT_REST, Placement
-from softseam_services.orchestrator.probes import share_probes
 from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.reports import step_report, work_of_drive, worst, wrench_of
 from softseam_services.orchestrator.saved_state import SavedState
 from softseam_services.orchestrator.simulated_body import SimulatedBody
-from softseam_services.orchestrator.sleeping import Sleeping
-from softseam_services.orchestrator.step_warnings import ToolWarnings, naming
+from softseam_services.orchestrator.step_warnings import ToolWarnings
 from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
 from softseam_services.orchestrator.whereabouts import LOOK_EVERY
@@ -47,8 +40,6 @@ from softseam_services.server import Setup, build_setup
 T = TypeVar("T")
 Floats = NDArray[np.float64]
 Emit = Callable[[StepReport | Frame | Event], None]
-Solutions = dict[str, Outcome]
-"""of a step, by body"""
 
 _CHECKPOINT_STEPS = 50
 _FIELDS_EVERY = 5
@@ -90,74 +81,14 @@ class Simulation:
         self._stopwatch = Stopwatch()
         recovering = RecoveringTransport(transport, on_event=self._event)
         self._transport = TimedTransport(recovering, self._stopwatch)
-        probes = share_probes({name: setup.body for name, setup in setups.items()}, self.scene.probes)
-        program = self._moving.program
-        interfaces = interfaces_of(self.scene, {name: setup.body for name, setup in setups.items()})
-
-        def simulated(name: str, bundle: Bundle, setup: Setup) -> SimulatedBody:
-            return SimulatedBody(
-                name=name,
-                prefix=prefix(name, setups),
-                bundle=bundle,
-                setup=setup,
-                program=program,
-                points=probes[name],
-                transport=self._transport,
-                clock=self._clock,
-                tell=self._event if len(setups) == 1 else naming(name, self._event),
-                gripped=program.grips.first is None or program.grips.first.body is setups[name].body,
-                joints=joints_of(name, interfaces),
-            )
-
-        def on_rung(name: str, bundle: Bundle) -> SimulatedBody:
-            setup = build_setup(bundle, name)
-            if isinstance(transport, EmbeddedTransport):
-                transport.adopt(bundle, {name: setup})
-            return simulated(name, bundle, setup)
-
-        self._ladders = {
-            name: Ladder(self.scene, name, body, bundle.files, partial(on_rung, name))
-            for name, body in self.scene.bodies.items()
-            if body.kind == "cells" and body.ladder
-        }
-        self.bodies = {
-            name: self._ladders[name].begin() if name in self._ladders else simulated(name, bundle, setup)
-            for name, setup in setups.items()
-        }
-        """by name, in the scene's order"""
-        self._joined = self._join(interfaces)
-        self._lone = {
-            name: body.participants
-            for name, body in self.bodies.items()
-            if not any(name in island.members for island in self._joined)
-        }
-        self._sleeping = Sleeping(
-            self.scene.sleep,
-            [(name,) for name in self._lone] + [tuple(island.members) for island in self._joined],
-            {name: setup.body.total_mass for name, setup in setups.items()},
-            self.tools,
-            self._woke,
+        adopt = transport.adopt if isinstance(transport, EmbeddedTransport) else _nobody
+        self._bodies = Bodies(
+            self.scene, bundle, setups, self._transport, adopt, self._moving.program, self._clock, self._event
         )
         self._wants_fields = any(body.wants_fields for body in self.bodies.values())
         self.events: list[Event] = []
         """events since the last reset, oldest first"""
         self.reset(seed)
-
-    def _join(self, interfaces: Mapping[str, Between]) -> list[JoinedBodies]:
-        """The islands of several bodies."""
-        islands = islands_of(self.bodies, (between.bodies for between in interfaces.values()))
-        return [
-            JoinedBodies(
-                self.scene,
-                {name: self.bodies[name] for name in island},
-                {name: each for name, each in interfaces.items() if each.bodies[0] in island},
-                self._transport,
-                self._clock,
-                self._event,
-            )
-            for island in islands
-            if len(island) > 1
-        ]
 
     # ---- state of the run
 
@@ -183,6 +114,11 @@ class Simulation:
     def report(self) -> StepReport | None:
         """The last committed step's report; None before the first step."""
         return self._report
+
+    @property
+    def bodies(self) -> Mapping[str, SimulatedBody]:
+        """By name, in the scene's order."""
+        return self._bodies.named
 
     @property
     def only(self) -> SimulatedBody:
@@ -214,15 +150,9 @@ class Simulation:
         self._seed = self.scene.seed if seed is None else seed
         self._clock.start(0)
         self._moving.reset()
-        self._sleeping.reset()
         self._forget()
         self.events.clear()
-        for name, ladder in self._ladders.items():
-            self._stand_on(name, ladder.begin())
-        for body in self.bodies.values():
-            body.reset()
-        for island in self._joined:
-            island.begin()
+        self._bodies.reset()
 
     def with_scene(self, bundle: Bundle, seed: int | None = None) -> Simulation:
         """A simulation of another scene in place of this one, with its participants, which keep what both scenes share.
@@ -274,13 +204,7 @@ class Simulation:
         self._stopwatch.begin(began)
         look = fields or (self._wants_fields and (self._clock.step + 1) % _FIELDS_EVERY == 0)
         then = self._ahead(move, look) if more else None
-        self._sleeping.wake(move.motion)
-        self._climb()
-        taken = self._sleeping.outcomes()
-        lone = {name: island for name, island in self._lone.items() if name not in taken}
-        joined = [island for island in self._joined if island.members.keys().isdisjoint(taken)]
-        taken |= advance_all(lone, joined, self._transport, move.motion, look, then)
-        solutions = {name: taken[name] for name in self.bodies}  # sums in one order have one rounding
+        solutions = self._bodies.advance(move.motion, look, then)
         wrenches = {name: wrench_of(solution.replies) for name, solution in solutions.items()}
         first, *others = wrenches.values()
         wrench = sum(others, first)
@@ -290,7 +214,7 @@ class Simulation:
         frames = self._look(solutions, look or (self._wants_fields and done))
         quantities = self._measure(solutions, wrenches, frames or {})
         entries, switched = self._book_and_adapt(solutions, wrenches, move)
-        self._fall_asleep(solutions, move)
+        self._bodies.fall_asleep(solutions, move.motion)
         estimates = self._judge(solutions, ongoing and not move.by_hand, moved.phase_ends)
         report = step_report(
             header=self._clock.last_step(),
@@ -299,7 +223,7 @@ class Simulation:
             wrench=wrench,
             quantities=quantities,
             entries=entries,
-            interfaces={name: report for island in self._joined for name, report in island.reports.items()},
+            interfaces=self._bodies.interface_reports,
             command=move.command,
             seconds=self._stopwatch.read(),
             done=done,
@@ -319,38 +243,11 @@ class Simulation:
 
     def _ahead(self, move: Move, look: bool) -> ToolMotion | None:
         """How the tools move in the step after `move`, where nothing else is asked of the participants in between."""
-        step, (body, *others) = self._clock.step + 1, self.bodies.values()
+        step, body = self._clock.step + 1, next(iter(self.bodies.values()))
         last = self._duration is not None and step >= round(self._duration / self.scene.step)
-        alone = not (others or self._ladders or self._sleeping.possible)
-        if last or not alone or step % _CHECKPOINT_STEPS == 0 or not body.goes_on(step, look):
+        if last or not self._bodies.steps_ahead or step % _CHECKPOINT_STEPS == 0 or not body.goes_on(step, look):
             return None
         return self._moving.ahead(move)
-
-    def _climb(self) -> None:
-        """Let bodies go to the rungs that they are to be on in the step that begins."""
-        for name, ladder in self._ladders.items():
-            old = self.bodies[name]
-            if name in self._sleeping.outcomes():
-                continue
-            rung = ladder.due(standing(self.time, old.balance.energies))
-            if rung == ladder.at:
-                continue
-            kept = old.participants.keep()
-            try:
-                state = ladder.carried(rung, old)
-                ladder.body(rung).take_over(old, state)
-            except BaseException:
-                old.participants.go_back(kept)
-                raise
-            ladder.at = rung
-            self._stand_on(name, ladder.body(rung))
-
-    def _stand_on(self, name: str, body: SimulatedBody) -> None:
-        """A body is simulated as this from now on."""
-        self.bodies[name] = body
-        if name in self._lone:
-            self._lone[name] = body.participants
-        self._frames = None
 
     def _look(self, solutions: Solutions, asked: bool) -> dict[str, Frame] | None:
         """The bodies' fields where they are asked for; None where they are not, or are lost."""
@@ -381,31 +278,17 @@ class Simulation:
         for name, body in self.bodies.items():
             drive_work = work_of_drive(wrenches[name], move.command, self.scene.step)
             entries[name] = body.book(solutions[name].replies, solutions[name], drive_work)
-        asleep = self._sleeping.outcomes()
-        for name, body in self.bodies.items():
-            if name in asleep:
-                continue
+        awake = self._bodies.awake
+        for name, body in awake.items():
             energies = self._told(partial(body.follow, solutions[name].replies, move.motion))
             if energies is not None:
                 body.balance.switched(energies)
                 switched = True
         if self._clock.step % _CHECKPOINT_STEPS == 0:
-            for name, body in self.bodies.items():
-                if name not in asleep:
-                    self._told(body.participants.snapshot)
-            for island in self._joined:
-                island.forget_sent()
+            for body in awake.values():
+                self._told(body.participants.snapshot)
+            self._bodies.forget_sent()
         return entries, switched
-
-    def _fall_asleep(self, solutions: Solutions, move: Move) -> None:
-        """Let islands sleep from now on that may."""
-        fell = self._sleeping.follow(solutions, move.motion)
-        for island in self._joined:
-            if tuple(island.members) in fell:
-                island.rest()
-
-    def _woke(self, island: tuple[str, ...], reason: str) -> None:
-        self._event("sleep", f"step {self._clock.step}: {', '.join(island)}: {reason}")
 
     def _judge(self, solutions: Solutions, follows: bool, phase_ends: bool) -> dict[str, ErrorEstimate]:
         """How far the run may be off, by body, where the scene's own motion ends; looked at as its phases end."""
@@ -504,10 +387,7 @@ class Simulation:
             step=self._clock.step,
             seed=self._seed,
             tools=self._moving.save(),
-            bodies={name: body.save() for name, body in self.bodies.items()},
-            joined={island.name: island.save() for island in self._joined},
-            sleeping=self._sleeping.save(),
-            rungs={name: ladder.at for name, ladder in self._ladders.items()},
+            bodies=self._bodies.save(),
         ).pack()
 
     def load(self, state: bytes) -> None:
@@ -516,27 +396,14 @@ class Simulation:
         if saved.scene != self._bundle.scene:
             raise ArchiveError("this state was saved from another scene: open that scene to restore it")
         try:
-            bodies = dict(self.bodies)
-            for name, ladder in self._ladders.items():
-                bodies[name] = ladder.body(saved.rungs[name])
-            for name, body in bodies.items():
-                body.check(saved.bodies[name])
-            for island in self._joined:
-                island.check(saved.joined[island.name])
-            self._sleeping.load(saved.sleeping)
+            self._bodies.check(saved.bodies)
             self._moving.load(saved.tools)
         except (KeyError, ValueError, IndexError) as error:
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
         self._clock.start(saved.step)
         self._seed = saved.seed
         self._forget()
-        for name, ladder in self._ladders.items():
-            ladder.at = saved.rungs[name]
-            self._stand_on(name, bodies[name])
-        for name, body in self.bodies.items():
-            body.load(saved.bodies[name])
-        for island in self._joined:
-            island.load(saved.joined[island.name])
+        self._bodies.load(saved.bodies)
 
     # ---- small parts
 
@@ -560,3 +427,7 @@ class Simulation:
         self.events.append(event)
         if self._emit is not None:
             self._emit(event)
+
+
+def _nobody(bundle: Bundle, setups: Mapping[str, Setup]) -> None:
+    """Participants in other processes build bodies themselves."""
