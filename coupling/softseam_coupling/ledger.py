@@ -1,9 +1,10 @@
 """Where every joule went, step by step.
 
-    dK + dU + dG = tool_work + seam_work_near + seam_work_far - dissipation + switch        (1)
+    dK + dU + dG = tool_work + seam_work_near + seam_work_far - material - dissipation + switch        (1)
 
 K, U, G: kinetic, strain and gravity energy of both sides. `tool_work` is what contact does to the body; the tools'
-motion does more, by what sliding friction takes. `dissipation` is what (1) leaves: the numerical dissipation of the
+motion does more, by what sliding friction takes. `material` is what a material with internal state dissipated, by its
+own account. `dissipation` is what (1) leaves: the numerical dissipation of the
 integrators, and their solvers' residuals, beside what they give back to a rotation. `switch` is the energy that a
 change of model added, of regions or of the quadrature of cells.
 
@@ -145,19 +146,21 @@ class EnergyLedger:
         passing: float = 0.0,
         contact_loss: float = 0.0,
         given: float = 0.0,
+        material: float = 0.0,
     ) -> LedgerEntry:
         """Book a committed step, and any switch since the last one, by eq. (1).
 
         passing       what cells gained as they passed between quadratures [J]
         contact_loss  work of the tools' motion that did not arrive in the body [J]
         given         what integrators gave back to a rotation, beside contact's work [J]: it is no dissipation less
+        material      what the material dissipated [J]: it is none of the integrators'
 
         Sides that interpolate in different ways are handed the same nodes, and are apart between them. The first step
         after a switch closes that gap: what the seam does in it counts as a part of the switch.
         """
         last = state.last
         seam_work = seam_work_near + seam_work_far
-        dissipation = tool_work + seam_work + passing + given - (energies.total - last.total)
+        dissipation = tool_work + seam_work + passing + given - material - (energies.total - last.total)
         switch = state.pending
         state.last, state.pending = energies, 0.0
         state.tool_work += tool_work

@@ -25,7 +25,7 @@ from softseam_services.body.errors import LawError
 from softseam_services.body.materials import LAWS, Law
 
 REFUSED = LawError, softseam.SceneRefused
-pytestmark = pytest.mark.xfail(strict=True, raises=REFUSED, reason="decision 60: laws that dissipate in every solver")
+TO_COME = pytest.mark.xfail(strict=True, raises=REFUSED, reason="decision 60: laws that dissipate in every solver")
 EDGE, YOUNG, FADES, TIME, STEP = 0.05, 20e3, 0.6, 0.1, 1e-3
 
 
@@ -69,7 +69,12 @@ LOWER = {"model": "fem", "boxes": [{"min": [-1, -1, -1], "max": [1, 1, EDGE / 2]
 BY_BOX = {"model": "fem", "within": 0.03, "tools": ["box"], "split": "always", "patience": 1}
 NEAR: dict[str, Any] = {"fem": None, "pbd": None, "cut": LOWER, "switched": BY_BOX}
 MODELS = {"fem": {"fem"}, "pbd": {"pbd"}, "cut": {"fem+pbd"}, "switched": {"pbd", "fem+pbd"}}
-CASES = [*(("fem", element) for element in ELEMENTS), ("pbd", "hex27"), ("cut", "hex27"), ("switched", "hex27")]
+GROUPED = "hex8_bbar", "tet4_fbar"
+CASES = [
+    *(("fem", element) for element in ELEMENTS if element not in GROUPED),
+    *(pytest.param("fem", element, marks=TO_COME) for element in GROUPED),
+    *(pytest.param(regions, "hex27", marks=TO_COME) for regions in ("pbd", "cut", "switched")),
+]
 
 
 def scene(regions: str, element: str = "hex27") -> Scene:
@@ -114,6 +119,7 @@ def test_a_held_block_relaxes_and_its_energy_is_found(regions: str, element: str
 
 
 @pytest.mark.slow
+@TO_COME
 def test_a_killed_participant_goes_on_with_its_state(tmp_path: Path) -> None:
     """FEM dies in mid-relaxation and is restored: the same bits as in one process."""
     with extended(tmp_path, "import test_law_in_every_solver\ntest_law_in_every_solver.add()\n") as (where, services):

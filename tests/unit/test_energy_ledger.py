@@ -115,3 +115,11 @@ def test_alarms_ring_for_the_failing_schemes_only() -> None:
     assert alarms(PositionConstant(), "implicit_euler") == set()
     assert Alarm.SEAM_WORK in alarms(VelocityConstant(), "implicit_euler")
     assert Alarm.SEAM_WORK in alarms(PositionConstant(), "newmark")
+
+
+def test_what_a_material_dissipates_is_none_of_the_integrators() -> None:
+    """Half of the work of the tools is stored, a quarter the material dissipates, and an eighth the integrator."""
+    ledger = EnergyLedger()
+    state = ledger.open(Energies(0.0, 1.0, 0.0))
+    entry = ledger.step(state, Energies(0.0, 1.625, 0.0), 1.0, 0.0, 0.0, material=0.25)
+    assert_allclose((entry.dissipation, state.dissipation), 0.125)

@@ -267,6 +267,8 @@ class Advanced:
     sums: Scalars = field(default_factory=NO_SCALARS)
     """of a part with coupling nodes: over its nodes as the step ends, as the first sixteen of `Advance.turn`; empty:
     what steps lose of the body's rotation is not given back"""
+    dissipated: float = 0.0
+    """what a material with internal state dissipated in the step [J]; 0: nothing, or an older participant"""
 
 
 @message

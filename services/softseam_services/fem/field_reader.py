@@ -50,13 +50,15 @@ class FieldReader:
         )
 
     def _mesh_error(self, x: Floats, cauchy: Floats) -> Floats:
-        """What the cells' size is off by; empty where it is not known, of tetrahedra of a file."""
-        return _NOTHING if self._body.tetrahedra else self._tables.mesh_error.measure(x, cauchy)
+        """What the cells' size is off by; empty where it is not known: of tetrahedra of a file, and of a material with
+        state, whose stress at other points than FEM's nothing keeps."""
+        unknown = self._body.tetrahedra or self._body.material.n_state > 0
+        return _NOTHING if unknown else self._tables.mesh_error.measure(x, cauchy)
 
     def _model_error(self, x: Floats, contact_force: Floats) -> Floats:
-        """What PBD would be off by in these cells; empty where it cannot have them."""
-        if not self._body.boxes:
-            return np.zeros(0)
+        """What PBD would be off by in these cells; empty where it cannot have them, or their material has state."""
+        if not self._body.boxes or self._body.material.n_state > 0:
+            return _NOTHING
         if self._other is None:
             self._other = ModelError(self._body, self._region, self._hourglass)
         return self._other.measure(x, contact_force)

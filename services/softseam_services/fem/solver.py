@@ -192,6 +192,7 @@ class FemSolver:
         end.x[:], end.v[:], end.contact[:] = now.x, now.v, now.contact
         end.history[:], end.past, end.level = now.history, now.past, now.level
         end.material[:], end.share[:], end.passed[:] = now.material, now.share, now.passed
+        end.dissipated[:] = now.dissipated
         self._tentative = False
         self._stepper.fail(now)
         self._stand(now)
@@ -257,6 +258,7 @@ class FemSolver:
             given=self._stepper.given,
             sums=sums_of(self._parameters.mass, self._now.x, self._now.v) if len(self._model.seam) else _NO_SUMS,
             passing=self.times * float(self._next.passed[0] - self._committed.passed[0]),
+            dissipated=float(self._next.dissipated[0] - self._committed.dissipated[0]),
             n_substeps=taken.n_accepted,
             n_rejected=taken.n_rejected,
             step_error=taken.error,
@@ -335,7 +337,7 @@ class FemSolver:
         self._take_over(whole)  # as who restores it does, to the last bit
         self._forget()
         past = np.array([whole.past, float(whole.level)])
-        more = [whole.material] if self._model.n_state else []
+        more = [whole.material, whole.dissipated] if self._model.n_state else []
         return pack(whole.x, whole.v, whole.contact, whole.history, past, whole.share, whole.passed, *more)
 
     def restore(self, state: bytes) -> None:
@@ -343,10 +345,11 @@ class FemSolver:
         n_history, n_points = self._committed.history.shape[0], len(self.tables.whole.model.point_face)
         place, contact_shape = (self.n_nodes, 3), (n_points, self._n_tools, N_STATE)
         shapes = [place, place, contact_shape, (n_history, *place), (2,), (_n_blending(self.tables.whole.model),), (1,)]
-        shapes += [self._remembered] if self._model.n_state else []
+        shapes += [self._remembered, (1,)] if self._model.n_state else []
         x, v, contact, history, past, share, passed, *others = unpack(state, *shapes)
-        material = others[0] if others else np.zeros(self._remembered)
-        self._take_over(FemState(x, v, contact, history, float(past[0]), int(past[1]), material, share, passed))
+        material, lost = others or (np.zeros(self._remembered), np.zeros(1))
+        times = float(past[0]), int(past[1])
+        self._take_over(FemState(x, v, contact, history, *times, material, lost, share, passed))
         self._forget()
 
     def _forget(self) -> None:

@@ -42,6 +42,8 @@ class FemState:
     """substeps by error begin with 2^-level of the step"""
     material: Floats = field(default_factory=lambda: np.zeros((0, 8, 0)))
     """what a material with state remembers, of each octant (c, 8, n); (0, 8, 0) of others"""
+    dissipated: Floats = field(default_factory=lambda: np.zeros(1))
+    """what such a material dissipated since the state was first made (1,) [J]"""
     share: Floats = field(default_factory=lambda: np.zeros(0))
     """of full quadrature in each cell over the last step, negative where there was none (c,); (0,) where cells keep
     their quadrature, see kernels/quadrature_blending.py"""
@@ -56,10 +58,11 @@ class FemState:
     def copy(self) -> FemState:
         arrays = self.x.copy(), self.v.copy(), self.contact.copy(), self.history.copy()
         blending = self.share.copy(), self.passed.copy()
-        return FemState(*arrays, self.past, self.level, self.material.copy(), *blending)
+        return FemState(*arrays, self.past, self.level, self.material.copy(), self.dissipated.copy(), *blending)
 
     def into(self, other: FemState) -> None:
         """Write this state over the other."""
         other.x[:], other.v[:], other.contact[:], other.history[:] = self.x, self.v, self.contact, self.history
         other.past, other.level = self.past, self.level
-        other.material[:], other.share[:], other.passed[:] = self.material, self.share, self.passed
+        other.material[:], other.dissipated[:] = self.material, self.dissipated
+        other.share[:], other.passed[:] = self.share, self.passed

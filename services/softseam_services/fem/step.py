@@ -270,7 +270,7 @@ class Stepper:
             end.past = past if static else dt
         if turning is not None and status == CONVERGED:
             self._give_back(turning, end, tools)
-        self._remember(status, task, end)
+        self._remember(status, task, now, end)
         return status
 
     def _turns(self, now: FemState, dt: float, pace: float) -> Turning | None:
@@ -313,13 +313,13 @@ class Stepper:
 
     def look(self, begin: FemState, dt: float = 0.0) -> None:
         """What the material remembers as a step of length dt begins; with 0, forces and energies are of that state."""
-        self.work.material_state[:] = begin.material
-        self.work.material_dt[0] = dt
+        self.work.material_state[:], self.work.material_dt[0] = begin.material, dt
 
-    def _remember(self, status: int, task: int, end: FemState) -> None:
-        """What the material remembers at the end of a step that was solved."""
+    def _remember(self, status: int, task: int, now: FemState, end: FemState) -> None:
+        """What the material remembers at the end of a step that was solved, and what it dissipated by then."""
         if self._model.n_state and status == CONVERGED and task != kernel.DERIVE:
-            remember(end.x, self._model, self._parameters.rule, self.work, end.material)
+            lost = remember(end.x, self._model, self._parameters.rule, self.work, end.material)
+            end.dissipated[0] = now.dissipated[0] + lost
 
     def _adapt(self, now: FemState, end: FemState, inputs: StepInputs, length: float) -> int:
         """The step in substeps as long as the error in time allows; returns a status of `kernels.newton`."""

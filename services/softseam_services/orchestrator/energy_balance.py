@@ -43,9 +43,11 @@ class EnergyBalance:
     """What steps do to the energy of one body (see `softseam_coupling.ledger`).
 
     standing  energy that the body has because it stands on its base [J]
+    inelastic  whether its material has internal state, so that it dissipates
     """
 
-    def __init__(self, standing: float = 0.0) -> None:
+    def __init__(self, standing: float = 0.0, inelastic: bool = False) -> None:
+        self._inelastic = inelastic
         self._book = EnergyLedger(switch_limit=SWITCH_LIMIT, standing=standing)
         self.reset()
 
@@ -60,7 +62,7 @@ class EnergyBalance:
 
     def book(self, sides: Sides, replies: Mapping[str, Advanced], solution: Outcome, drive_work: float) -> Entry:
         """A step was taken, in which the tools' motion put this in [J]."""
-        kinetic = strain = gravity = tool_work = seam_work = passing = given = penetration = 0.0
+        kinetic = strain = gravity = tool_work = seam_work = passing = given = material = penetration = 0.0
         momentum, angular = np.zeros(3), np.zeros(3)
         parts = {}
         for name, reply in replies.items():
@@ -71,6 +73,7 @@ class EnergyBalance:
             seam_work += reply.seam_work
             passing += reply.passing
             given += reply.given
+            material += reply.dissipated
             momentum += reply.momentum
             angular += reply.angular_momentum
             penetration = max(penetration, reply.penetration)
@@ -103,7 +106,15 @@ class EnergyBalance:
             self.ledger = self._book.open(energies, contact_loss)
         else:
             entry = self._book.step(
-                self.ledger, energies, tool_work + interface_work, seam_work, 0.0, passing, contact_loss, given
+                self.ledger,
+                energies,
+                tool_work + interface_work,
+                seam_work,
+                0.0,
+                passing,
+                contact_loss,
+                given,
+                material,
             )
             dissipation, switch = entry.dissipation, entry.switch
             self.raised = tuple(alarm for alarm in entry.alarms if alarm not in self._told)
@@ -117,6 +128,7 @@ class EnergyBalance:
             **({"interface_work": interface_work} if len(sides.joints) else {}),
             "dissipation": dissipation,
             "switch": switch,
+            **({"material": material} if self._inelastic else {}),
         }
         return Entry(parts, interfaces, energy, momentum, angular, penetration, drive_work)
 

@@ -64,7 +64,8 @@ class SimulatedBody:
     ) -> None:
         self.name, self.scene, self.body = name, setup.scene, setup.body
         self._prefix, self._clock, self._tell = prefix, clock, tell
-        self.balance = EnergyBalance(_standing(self.body))
+        inelastic = isinstance(self.body, Body) and self.body.material.n_state > 0
+        self.balance = EnergyBalance(_standing(self.body), inelastic)
         self.regions = Regions(name, bundle, setup, transport, clock, self.balance, tell, joints)
         """its parts, as the rule cuts them"""
         self.participants = self.regions.participants

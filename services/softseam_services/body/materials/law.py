@@ -5,8 +5,11 @@ derivatives. softseam's own are branches in `point`, which the compiler puts in 
 kernels of their own there. A law from outside is compiled alone, and kernels call it through its address (`jit`).
 
 A law with state remembers n numbers where it is, zero at first. Its respond(F, state, dt, parameters, P, A, following)
-is of the end of a step dt that began with that state: it returns psi and fills P = dpsi/dF (3, 3), A = dP/dF (9, 9)
-with rows 3 i + j, and the state that follows. With dt = 0 nothing is to change: so stress is read between steps.
+is of the end of a step dt that began with that state: it returns psi, which is what it stores, and what the step
+dissipated, both by volume; and it fills P (3, 3), A = dP/dF (9, 9), symmetric, with rows 3 i + j, and the state that
+follows. With dt = 0 nothing is to change, and nothing to dissipate: so stress is read between steps.
+What a step does is found where it ends, so that over a step the work P : dF is what is stored more and dissipated, but
+for what the integrator errs by.
 """
 
 from __future__ import annotations
@@ -45,7 +48,7 @@ class Law:
     splits: bool = False
     small: bool = False
     state: int = 0
-    respond: Callable[..., float] | None = None
+    respond: Callable[..., tuple[float, float]] | None = None
 
     def __post_init__(self) -> None:
         if self.inline and self.inline not in point.BRANCHES:

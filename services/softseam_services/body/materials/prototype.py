@@ -23,6 +23,7 @@ RESPOND = Prototype(
         "A": (9, 9),
         "following": ("n",),
     },
+    returns=2,
     lengths=("n",),
 )
-"""energy density [Pa]; P, A = dP/dF and the state at the end of dt in place"""
+"""energy density, and what the step dissipated of it [Pa]; P, A = dP/dF and the state at the end of dt in place"""

@@ -17,8 +17,10 @@ _call_respond = RESPOND.call
 
 @njit(cache=True, error_model="numpy")
 def respond(model, rule, work, cell, point, parameters, F, state, P, A, following):
-    """Energy density at a point of a cell, numbered through its elements; P (3, 3), A (9, 9) and following (n,) in
-    place. state (n,): workspace."""
+    """Energy density, and what the step dissipated, at a point of a cell, numbered through its elements [Pa].
+
+    P (3, 3), A (9, 9) and following (n,) in place; state (n,): workspace.
+    """
     n_points = rule.share.shape[1]
     share = rule.share[point // n_points, point % n_points]
     state[:] = 0.0

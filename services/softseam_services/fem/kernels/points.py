@@ -175,7 +175,7 @@ def strain_energy(x, model, rule, part, work):
                 J_bar, _ = group_volumes(F, weight, model.linear, H, J)
             for at in range(size):
                 if model.n_state > 0:
-                    psi = respond(
+                    psi, _ = respond(
                         model, rule, work, cell, group * size + at, parameters[at], F[at], state, F_bar, A, following
                     )
                     own += weight[at] * psi
@@ -245,11 +245,13 @@ def cauchy_stress(x, model, rule, work, out):
 
 @njit(cache=True, error_model="numpy")
 def remember(x, model, rule, work, end):
-    """end (c, 8, n) <- what the octants remember at the end x of the step that work.material_state began."""
+    """end (c, 8, n) <- what the octants remember at the end x of the step that work.material_state began; returns what
+    the material dissipated in it [J]."""
     gather(x, model.cell_nodes, work.xe)
     n_elements, n_points = rule.share.shape[:2]
     F, P, A, total = np.empty((n_points, 3, 3)), np.empty((3, 3)), np.empty((9, 9)), np.empty(8)
     state, following = np.empty(model.n_state), np.empty(model.n_state)
+    lost = 0.0
     for cell in range(len(model.cell_nodes)):
         total[:] = 0.0
         end[cell] = 0.0
@@ -258,7 +260,8 @@ def remember(x, model, rule, work, end):
             for q in range(n_points):
                 point = element * n_points + q
                 parameters = rule.parameters[rule.blend[cell], point]
-                respond(model, rule, work, cell, point, parameters, F[q], state, P, A, following)
+                _, dissipated = respond(model, rule, work, cell, point, parameters, F[q], state, P, A, following)
+                lost += rule.weight[cell, point] * dissipated
                 for octant in range(8):
                     w = rule.share[element, q, octant] * rule.weight[cell, point]
                     total[octant] += w
@@ -268,3 +271,4 @@ def remember(x, model, rule, work, end):
             if total[octant] > 0.0:
                 for n in range(model.n_state):
                     end[cell, octant, n] /= total[octant]
+    return lost
