@@ -69,10 +69,8 @@ LOWER = {"model": "fem", "boxes": [{"min": [-1, -1, -1], "max": [1, 1, EDGE / 2]
 BY_BOX = {"model": "fem", "within": 0.03, "tools": ["box"], "split": "always", "patience": 1}
 NEAR: dict[str, Any] = {"fem": None, "pbd": None, "cut": LOWER, "switched": BY_BOX}
 MODELS = {"fem": {"fem"}, "pbd": {"pbd"}, "cut": {"fem+pbd"}, "switched": {"pbd", "fem+pbd"}}
-GROUPED = "hex8_bbar", "tet4_fbar"
 CASES = [
-    *(("fem", element) for element in ELEMENTS if element not in GROUPED),
-    *(pytest.param("fem", element, marks=TO_COME) for element in GROUPED),
+    *(("fem", element) for element in ELEMENTS),
     *(pytest.param(regions, "hex27", marks=TO_COME) for regions in ("pbd", "cut", "switched")),
 ]
 

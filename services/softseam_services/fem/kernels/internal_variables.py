@@ -7,8 +7,6 @@ work.material_dt its length; 0 to look at what the state is.
 
 from __future__ import annotations
 
-import numpy as np
-
 from softseam_services.body.materials.prototype import RESPOND
 from softseam_services.jit import njit
 
@@ -28,11 +26,3 @@ def respond(model, rule, work, cell, point, parameters, F, state, P, A, followin
         for n in range(model.n_state):
             state[n] += share[octant] * work.material_state[cell, octant, n]
     return _call_respond(model.respond, model.n_state, F, state, work.material_dt[0], parameters, P, A, following)
-
-
-@njit(cache=True, error_model="numpy")
-def respond_all(model, rule, work, cell, first, parameters, F, P):
-    """P (k, 3, 3) at the points of a cell from `first` on, in place; parameters and F of each."""
-    state, following, A = np.empty(model.n_state), np.empty(model.n_state), np.empty((9, 9))
-    for at in range(len(F)):
-        respond(model, rule, work, cell, first + at, parameters[at], F[at], state, P[at], A, following)

@@ -14,7 +14,7 @@ from softseam_services.body.materials.point import stress, tangent
 from softseam_services.fem.kernels.cells import gather
 from softseam_services.fem.kernels.internal_variables import respond
 from softseam_services.fem.kernels.mean_volume import mean_pressure, modify, modify_tangent
-from softseam_services.fem.kernels.points import group_volumes, point_gradients
+from softseam_services.fem.kernels.points import group_volumes, own_arrays, point_gradients
 from softseam_services.jit import njit
 
 
@@ -90,7 +90,7 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
     n_shared = rule.group_nodes.shape[1]
     Kg, v, g = np.empty((n_shared, 9, n_shared)), np.empty((27, 3)), np.empty((27, 3))
     vg, gg = np.empty((n_shared, 3)), np.empty((n_shared, 3))
-    state, following = np.empty(model.n_state), np.empty(model.n_state)
+    state, following, _ = own_arrays(model)
     for cell in range(len(model.cell_nodes)):
         if part[cell] == 0.0:
             continue
@@ -105,7 +105,11 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
                 J_bar, total = group_volumes(F, weight, model.linear, H, J)
                 for at in range(size):
                     modify(F[at], J[at], J_bar, model.linear, F_bar)
-                    stress(model.kind, parameters[at], F_bar, P)
+                    if model.n_state > 0:
+                        point = group * size + at
+                        respond(model, rule, work, cell, point, parameters[at], F_bar, state, P, A, following)
+                    else:
+                        stress(model.kind, parameters[at], F_bar, P)
                     mean_p += weight[at] / total * mean_pressure(P, F_bar, model.linear)
             at = 0
             for element in range(group * per_group, (group + 1) * per_group):
@@ -121,8 +125,12 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
                     G, w = rule.gradient[shape, element, q], part[cell] * weight[at]
                     if averaged:
                         theta = modify(F[at], J[at], J_bar, model.linear, F_bar)
-                        stress(model.kind, parameters[at], F_bar, P)
-                        tangent(model.kind, parameters[at], F_bar, A, definite)
+                        if model.n_state > 0:
+                            point = group * size + at
+                            respond(model, rule, work, cell, point, parameters[at], F_bar, state, P, A, following)
+                        else:
+                            stress(model.kind, parameters[at], F_bar, P)
+                            tangent(model.kind, parameters[at], F_bar, A, definite)
                         s += w * modify_tangent(
                             A, P, F[at], F_bar, H[at], J[at], J_bar, theta, mean_p, model.linear, definite, coupled
                         )

@@ -12,7 +12,7 @@ import numpy as np
 
 from softseam_services.body.materials.point import energy, stress
 from softseam_services.fem.kernels.cells import gather
-from softseam_services.fem.kernels.internal_variables import respond, respond_all
+from softseam_services.fem.kernels.internal_variables import respond
 from softseam_services.fem.kernels.mean_volume import (
     mean_pressure,
     modify,
@@ -55,6 +55,12 @@ def group_volumes(F, weight, additive, H, J):
 
 
 @njit(cache=True, error_model="numpy")
+def own_arrays(model):
+    """Workspace of a material with state: its state at a point and what follows (n,), A (9, 9)."""
+    return np.empty(model.n_state), np.empty(model.n_state), np.empty((9, 9))
+
+
+@njit(cache=True, error_model="numpy")
 def _determinant(F):
     return (
         F[0, 0] * (F[1, 1] * F[2, 2] - F[1, 2] * F[2, 1])
@@ -64,24 +70,35 @@ def _determinant(F):
 
 
 @njit(cache=True, error_model="numpy")
-def group_stresses(kind, parameters, additive, averaged, F, weight, F_bar, H, J, P):
-    """P (k, 3, 3) with which eq. (2) holds at the points of a group, updated in place; parameters of each."""
+def group_stresses(model, rule, work, cell, first, parameters, averaged, F, weight, F_bar, H, J, own, P):
+    """P (k, 3, 3) with which eq. (2) holds at the points of a group of a cell, updated in place; parameters of each.
+
+    first: number of the group's first point in the cell; own: workspace of a material with state, see `own_arrays`
+    """
+    kind, additive = model.kind, model.linear
+    state, following, A = own
     if not averaged:
         for at in range(len(F)):
-            stress(kind, parameters[at], F[at], P[at])
+            if model.n_state > 0:
+                respond(model, rule, work, cell, first + at, parameters[at], F[at], state, P[at], A, following)
+            else:
+                stress(kind, parameters[at], F[at], P[at])
         return
     J_bar, total = group_volumes(F, weight, additive, H, J)
     a_bar = 1.0 if additive else positive_volume(J_bar)[1]
     pull = 0.0
     for at in range(len(F)):
         theta = modify(F[at], J[at], J_bar, additive, F_bar)
-        stress(kind, parameters[at], F_bar, P[at])
+        if model.n_state > 0:
+            respond(model, rule, work, cell, first + at, parameters[at], F_bar, state, P[at], A, following)
+        else:
+            stress(kind, parameters[at], F_bar, P[at])
         p = mean_pressure(P[at], F_bar, additive)
         pull += weight[at] * p
-        own = p if additive else p * positive_volume(J[at])[1]
+        back = p if additive else p * positive_volume(J[at])[1]
         for i in range(3):
             for j in range(3):
-                P[at, i, j] = theta * P[at, i, j] - own * H[at, i, j]
+                P[at, i, j] = theta * P[at, i, j] - back * H[at, i, j]
     pull *= a_bar / total
     for at in range(len(F)):
         for i in range(3):
@@ -102,7 +119,7 @@ def subtract_forces(x, model, rule, part, work, r):
     n_points = rule.gradient.shape[2]
     size = per_group * n_points
     F, H, P = np.empty((size, 3, 3)), np.empty((size, 3, 3)), np.empty((size, 3, 3))
-    J, F_bar = np.empty(size), np.empty((3, 3))
+    J, F_bar, own = np.empty(size), np.empty((3, 3)), own_arrays(model)
     least, worst = np.inf, -1
     for cell in range(len(model.cell_nodes)):
         if part[cell] == 0.0:
@@ -114,10 +131,8 @@ def subtract_forces(x, model, rule, part, work, r):
             point_gradients(xe, rule, cell, group, per_group, F)
             weight = rule.weight[cell, group * size : (group + 1) * size]
             parameters = rule.parameters[rule.blend[cell], group * size : (group + 1) * size]
-            if model.n_state > 0:
-                respond_all(model, rule, work, cell, group * size, parameters, F, P)
-            else:
-                group_stresses(model.kind, parameters, model.linear, averaged, F, weight, F_bar, H, J, P)
+            first = group * size
+            group_stresses(model, rule, work, cell, first, parameters, averaged, F, weight, F_bar, H, J, own, P)
             at = 0
             for element in range(group * per_group, (group + 1) * per_group):
                 nodes = rule.nodes[element]
@@ -158,7 +173,8 @@ def strain_energy(x, model, rule, part, work):
     per_group = n_elements // len(rule.group_nodes) if averaged else 1
     size = per_group * rule.gradient.shape[2]
     F, H, J, F_bar = np.empty((size, 3, 3)), np.empty((size, 3, 3)), np.empty(size), np.empty((3, 3))
-    state, following, A = np.empty(model.n_state), np.empty(model.n_state), np.empty((9, 9))
+    state, following, A = own_arrays(model)
+    P = np.empty((3, 3))
     total = 0.0
     for cell in range(len(model.cell_nodes)):
         if part[cell] == 0.0:
@@ -175,8 +191,12 @@ def strain_energy(x, model, rule, part, work):
                 J_bar, _ = group_volumes(F, weight, model.linear, H, J)
             for at in range(size):
                 if model.n_state > 0:
+                    if averaged:
+                        modify(F[at], J[at], J_bar, model.linear, F_bar)
+                    else:
+                        F_bar[:] = F[at]
                     psi, _ = respond(
-                        model, rule, work, cell, group * size + at, parameters[at], F[at], state, F_bar, A, following
+                        model, rule, work, cell, group * size + at, parameters[at], F_bar, state, P, A, following
                     )
                     own += weight[at] * psi
                 elif averaged:
@@ -214,7 +234,7 @@ def cauchy_stress(x, model, rule, work, out):
     n_points = rule.gradient.shape[2]
     size = per_group * n_points
     F, H, P = np.empty((size, 3, 3)), np.empty((size, 3, 3)), np.empty((size, 3, 3))
-    J, F_bar, volume = np.empty(size), np.empty((3, 3)), np.empty(8)
+    J, F_bar, volume, own = np.empty(size), np.empty((3, 3)), np.empty(8), own_arrays(model)
     out[:] = 0.0
     for cell in range(len(model.cell_nodes)):
         volume[:] = 0.0
@@ -222,10 +242,8 @@ def cauchy_stress(x, model, rule, work, out):
             point_gradients(work.xe[cell], rule, cell, group, per_group, F)
             weight = rule.weight[cell, group * size : (group + 1) * size]
             parameters = rule.parameters[rule.blend[cell], group * size : (group + 1) * size]
-            if model.n_state > 0:
-                respond_all(model, rule, work, cell, group * size, parameters, F, P)
-            else:
-                group_stresses(model.kind, parameters, model.linear, averaged, F, weight, F_bar, H, J, P)
+            first = group * size
+            group_stresses(model, rule, work, cell, first, parameters, averaged, F, weight, F_bar, H, J, own, P)
             for at in range(size):
                 det = 1.0 if model.linear else _determinant(F[at])
                 share = rule.share[group * per_group + at // n_points, at % n_points]
@@ -249,21 +267,33 @@ def remember(x, model, rule, work, end):
     the material dissipated in it [J]."""
     gather(x, model.cell_nodes, work.xe)
     n_elements, n_points = rule.share.shape[:2]
-    F, P, A, total = np.empty((n_points, 3, 3)), np.empty((3, 3)), np.empty((9, 9)), np.empty(8)
-    state, following = np.empty(model.n_state), np.empty(model.n_state)
+    averaged = len(rule.group_nodes) > 0
+    per_group = n_elements // len(rule.group_nodes) if averaged else 1
+    size = per_group * n_points
+    F, H, J, F_bar = np.empty((size, 3, 3)), np.empty((size, 3, 3)), np.empty(size), np.empty((3, 3))
+    P, total = np.empty((3, 3)), np.empty(8)
+    state, following, A = own_arrays(model)
     lost = 0.0
     for cell in range(len(model.cell_nodes)):
         total[:] = 0.0
         end[cell] = 0.0
-        for element in range(n_elements):
-            point_gradients(work.xe[cell], rule, cell, element, 1, F)
-            for q in range(n_points):
-                point = element * n_points + q
+        for group in range(n_elements // per_group):
+            point_gradients(work.xe[cell], rule, cell, group, per_group, F)
+            J_bar = 1.0
+            if averaged:
+                weight = rule.weight[cell, group * size : (group + 1) * size]
+                J_bar, _ = group_volumes(F, weight, model.linear, H, J)
+            for at in range(size):
+                point = group * size + at
+                if averaged:
+                    modify(F[at], J[at], J_bar, model.linear, F_bar)
+                else:
+                    F_bar[:] = F[at]
                 parameters = rule.parameters[rule.blend[cell], point]
-                _, dissipated = respond(model, rule, work, cell, point, parameters, F[q], state, P, A, following)
+                _, dissipated = respond(model, rule, work, cell, point, parameters, F_bar, state, P, A, following)
                 lost += rule.weight[cell, point] * dissipated
                 for octant in range(8):
-                    w = rule.share[element, q, octant] * rule.weight[cell, point]
+                    w = rule.share[point // n_points, point % n_points, octant] * rule.weight[cell, point]
                     total[octant] += w
                     for n in range(model.n_state):
                         end[cell, octant, n] += w * following[n]
