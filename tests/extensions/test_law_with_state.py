@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -18,10 +19,12 @@ from pydantic import Field
 
 import softseam
 from softseam_protocol.scene.materials import MATERIALS, MaterialSpec
+from softseam_protocol.scene.regions import NearSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import Positive
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.materials import LAWS, Law
+from softseam_services.orchestrator.sides import resting_state
 
 
 class Relaxing(MaterialSpec):
@@ -155,6 +158,47 @@ def test_a_law_that_hardly_fades_is_the_elastic_one(element: str) -> None:
         assert found[0].energies[name] == pytest.approx(found[1].energies[name], rel=1e-4)
 
 
+IN_HALVES = {"model": "fem", "boxes": [{"min": [-1, -1, -1], "max": [1, 1, EDGE / 2]}]}
+BESIDE_THE_ROD = {"model": "fem", "within": 0.03, "tools": ["rod"], "split": "always", "patience": 1}
+
+
+@pytest.mark.parametrize(("near", "cuts"), [(IN_HALVES, 0), (BESIDE_THE_ROD, 2)])
+def test_state_goes_along_where_a_body_is_cut(near: dict[str, Any], cuts: int) -> None:
+    """Two parts of FEM, from the start or while a rod is near in mid-relaxation, do as the whole body, bit by bit again
+    from a snapshot on. Where the plates stop the halves are 1 um apart from it, as those of a linear block are."""
+    rod = {"kind": "box", "size": [0.2, 0.2, 0.02], "position": [0, 0, 0.2]}
+    ways: list[Any] = [{"tools": ["rod"], "move": [0, 0, way], "speed": 2.0} for way in (-0.13, 0.13)]
+    motion = [SCENE["motion"][0], {"hold": 0.05}, ways[0], {"hold": 0.05}, ways[1], {"hold": 0.1}]
+    whole = variant(tools=SCENE["tools"] | {"rod": rod}, motion=motion)
+    cut = whole.with_regions(whole.regions.model_copy(update={"near": NearSpec.model_validate(near)}))
+    with softseam.open(whole) as sim:
+        expected = taken(sim)
+    with softseam.open(cut) as sim:
+        seen = taken(sim)
+        sim.reset(seed=0)
+        for _ in range(15):
+            sim.step()
+        kept = sim.snapshot()
+        after = [sim.step() for _ in range(10)]
+        sim.restore(kept)
+        for one, other in zip(after, [sim.step() for _ in range(10)], strict=True):
+            np.testing.assert_array_equal(one.positions, other.positions)
+            assert one.energies == other.energies
+    assert sum(event.kind == "regions" for one in seen for event in one.events) >= cuts
+    assert max(len(one.parts) for one in seen) == 2 and len(seen) == len(expected)
+    for one, other in zip(seen, expected, strict=True):
+        np.testing.assert_allclose(one.positions, other.positions, atol=2e-6)
+        assert one.energies["material"] == pytest.approx(other.energies["material"], rel=2e-3)
+        assert abs(one.energies["switch"]) < 1e-9
+
+
+def test_state_of_another_law_is_refused() -> None:
+    run = FemRun(variant())
+    told = resting_state(run.body)
+    with pytest.raises(ValueError, match="relaxing has 9 in an octant of 8"):
+        FemRun(variant(), state=replace(told, internal=np.zeros((8, 8, 2))))
+
+
 def test_state_is_part_of_a_snapshot() -> None:
     """What follows a restored snapshot follows to the last bit, and is not what follows a fresh body."""
     with softseam.open(variant()) as sim:
@@ -193,6 +237,8 @@ def test_a_step_that_is_taken_again_leaves_nothing() -> None:
     [
         ({"models": {"fem": {"integrator": "bdf2"}}}, "bdf2 does not know the state of relaxing"),
         ({"symmetry": ["y"]}, "images do not carry the state of relaxing"),
+        ({"regions": {"default": "fem", "goal": "grip_force"}}, "a goal does not know the state of relaxing"),
+        ({"regions": {"default": "pbd", "near": {"model": "fem", "error": 0.1}}}, "errs by is not known of relaxing"),
         ({"regions": {"default": "pbd"}}, "pbd does not know the state of relaxing"),
     ],
 )

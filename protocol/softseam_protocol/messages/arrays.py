@@ -62,6 +62,7 @@ Ids = Annotated[NDArray[np.int32], Array("i4", None, least=0)]
 ToolIds = Annotated[NDArray[np.int32], Array("i4", None, least=-1)]
 Labels = Annotated[NDArray[np.int8], Array("i1", None)]
 Stresses = Annotated[NDArray[np.float64], Array("f8", None, 8, 6)]
+Internal = Annotated[NDArray[np.float64], Array("f8", None, 8, None)]
 CellNodes = Annotated[NDArray[np.int32], Array("i4", None, 27, least=0)]
 Octants = Annotated[NDArray[np.float64], Array("f8", None, 8)]
 OctantIds = Annotated[NDArray[np.int32], Array("i4", None, 8, least=-1)]
@@ -72,6 +73,7 @@ Triangles = Annotated[NDArray[np.int32], Array("i4", None, 3, least=0)]
 NO_VECTORS = partial(np.zeros, (0, 3))
 NO_MATRIX = partial(np.zeros, (0, 0))
 NO_SCALARS = partial(np.zeros, 0)
+NO_INTERNAL = partial(np.zeros, (0, 8, 0))
 AS_THE_SCENE = partial(np.eye, 3)
 """axes of cells that do not lie turned (3, 3)"""
 

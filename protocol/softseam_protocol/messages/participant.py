@@ -6,6 +6,7 @@ import math
 from dataclasses import field
 
 from softseam_protocol.messages.arrays import (
+    NO_INTERNAL,
     NO_MATRIX,
     NO_SCALARS,
     NO_VECTORS,
@@ -13,6 +14,7 @@ from softseam_protocol.messages.arrays import (
     Count,
     Distances,
     Ids,
+    Internal,
     Labels,
     Matrix,
     NameText,
@@ -53,6 +55,8 @@ class BodyState:
     """contact force on each surface point, world frame (P, 3) [N]"""
     contact_tool: ToolIds
     """tool that each surface point touches, -1 for none (P,)"""
+    internal: Internal = field(default_factory=NO_INTERNAL)
+    """the n numbers that the material remembers in each octant of the C cells (C, 8, n); empty: none, or all are 0"""
 
 
 @message
@@ -346,6 +350,8 @@ class Fields:
     """FEM: energy by which each cell is off because it is no smaller (n_cells,) [J]; empty: not asked for, or of PBD"""
     seconds: float = 0.0
     """wall time spent on an `Observe` [s], 0 within another reply; diagnostics only"""
+    internal: Internal = field(default_factory=NO_INTERNAL)
+    """the n numbers that the material remembers in each octant of each cell (n_cells, 8, n); empty where it has none"""
 
 
 @message

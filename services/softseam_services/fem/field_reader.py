@@ -47,6 +47,7 @@ class FieldReader:
             cell_energy=energy,
             model_error=self._model_error(state.x, force) if indicators and not own else _NOTHING,
             mesh_error=self._mesh_error(state.x, cauchy) if indicators else _NOTHING,
+            internal=state.material.copy(),
         )
 
     def _mesh_error(self, x: Floats, cauchy: Floats) -> Floats:

@@ -168,7 +168,7 @@ def _cells(model: FemModel, body: Body, region: Region, spec: FemSpec) -> dict[s
     if general and has_joined:
         told = rule_of(element, fill, octants._replace(gradient=octants.own, shear=fill))[0]
     if material.n_state:
-        check_internal_variables(body, region, spec)
+        check_internal_variables(body, spec)
     return {
         "rule": rule,
         "full": full,

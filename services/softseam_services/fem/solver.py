@@ -12,6 +12,7 @@ from softseam_protocol.messages.outcomes import Detail, Status
 from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.internal import internal_of
 from softseam_services.body.kernels.bounds import bound_points
 from softseam_services.body.turning import sums_of
 from softseam_services.fem.face_forces import taken_over
@@ -80,7 +81,10 @@ class FemSolver:
             force, tool = state.contact_force[region.points], state.contact_tool[region.points]
             whole = self.tables.whole
             x = follow_roots(whole.model.joints, whole.parameters.joints, state.x[region.nodes])
-            self._take_over(self._start(whole, x, state.v[region.nodes], force, tool))
+            begun = self._start(whole, x, state.v[region.nodes], force, tool)
+            if self._model.n_state:
+                begun.material = internal_of(body, state, region.cells)
+            self._take_over(begun)
 
     def _start(self, tables: Tables, x: Floats, v: Floats, force: Floats, tool: Ints) -> FemState:
         """A state without history, of the whole region or of what is solved for."""

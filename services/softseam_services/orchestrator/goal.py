@@ -35,7 +35,7 @@ from softseam_protocol.messages.participant import Fields
 from softseam_protocol.models import facts_of, some_read
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Ints
-from softseam_services.body.errors import MeshError
+from softseam_services.body.errors import MeshError, SettingError
 from softseam_services.body.region import build_region
 from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.fem.mesh_error import MeshError as MeshIndicator
@@ -63,12 +63,17 @@ MOST_FACTORED = 100_000
 class Goal:
     """One scene's goal; built once, what it needs of a cut with that cut.
 
-    Raises MeshError for a probe outside, and for a body whose matrix is too large to be factored.
+    Raises MeshError for a probe outside, and for a body whose matrix is too large to be factored; SettingError where
+    the material has state.
     """
 
     def __init__(self, scene: Scene, body: Body, tools: ToolSet) -> None:
         name = scene.regions.goal
         assert name is not None
+        if body.material.n_state:
+            raise SettingError(
+                f"regions.goal: the adjoint of a goal does not know the state of {body.material.kind}: leave it out"
+            )
         if 3 * body.n_nodes > MOST_FACTORED:
             raise MeshError(
                 f"regions.goal: {3 * body.n_nodes:,} unknowns, more than the {MOST_FACTORED:,} that the adjoint of a "

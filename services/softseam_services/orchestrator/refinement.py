@@ -23,6 +23,7 @@ from softseam_protocol.messages.participant import Fields
 from softseam_protocol.models import facts_of
 from softseam_protocol.scene.regions import NearSpec
 from softseam_services.body.body import Body
+from softseam_services.body.errors import SettingError
 from softseam_services.body.hardly_filled import HardlyFilled
 from softseam_services.body.recover import nodal_recovery
 from softseam_services.orchestrator.indicators import told
@@ -36,10 +37,14 @@ STRESS, ERROR, GOAL = "stress", "model error", "goal"
 
 
 class RefinementIndicators:
-    """What the last look at the fields found."""
+    """What the last look at the fields found. Raises SettingError for a bound of an error that nothing estimates."""
 
     def __init__(self, body: Body, near: NearSpec | None, goal: str | None = None) -> None:
         self._body = body
+        if near is not None and near.error is not None and body.material.n_state:
+            raise SettingError(
+                f"regions.near.error: what pbd errs by is not known of {body.material.kind}: say within or stress"
+            )
         bounds = {STRESS: near and near.stress, GOAL if goal else ERROR: near and near.error}
         self._bounds = {name: bound for name, bound in bounds.items() if bound}
         self._recovery: tuple[Mask, list[csr_array]] | None = None

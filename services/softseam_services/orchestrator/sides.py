@@ -145,7 +145,11 @@ def merged_state(body: Body, sides: Sides, fields: Mapping[str, Fields]) -> Body
     }
     merged = merge_sides(parts.get(sides.near, empty), parts.get(sides.far, empty), body.n_nodes, body.fixed)
     force, tool = contact_state(body, fields)
-    return BodyState(merged.x, merged.v, force, tool)
+    internal = np.zeros((body.n_cells if body.material.n_state else 0, 8, body.material.n_state))
+    for name, side in fields.items():
+        if len(side.internal):
+            internal[sides.cells[name]] = side.internal
+    return BodyState(merged.x, merged.v, force, tool, internal)
 
 
 def whole_frame(
