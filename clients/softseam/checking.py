@@ -164,7 +164,7 @@ def _friction(setup: Setup) -> dict[str, str]:
     from softseam_services.body.body import Body
     from softseam_services.body.interpolate import rest_points
 
-    spec, body = setup.scene.body.friction_field, setup.body
+    spec, body = setup.scene.body.uneven_friction, setup.body
     if spec is None:
         return {}
     factor = body.friction_field.factor(rest_points(body) if isinstance(body, Body) else body.x_rest)

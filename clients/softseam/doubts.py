@@ -14,10 +14,9 @@ from softseam.duration import expected_duration
 from softseam.odd_motion import odd_motion
 from softseam.odd_units import odd_units
 from softseam_protocol.models import some_read
-from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.kinds import element_warning
 from softseam_protocol.scene.motion import ClosePhase, HoldPhase, MovePhase, OpenPhase, TurnPhase
-from softseam_protocol.scene.particles import RopeBody, SheetBody
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
 from softseam_protocol.scene.tools import CapsuleTool, CylinderTool, PlaneTool, SphereTool, ToolSpec
@@ -96,12 +95,7 @@ def _doubts_of_scene(scene: Scene, size: float) -> list[str]:
 
 def _size(scene: Scene) -> float:
     """Largest extent of the only body [m]; infinite where only who reads its file knows: nothing is too large then."""
-    body = scene.body
-    if isinstance(body, BodySpec):
-        return max(body.shape.size) if isinstance(body.shape, BlockShape) else math.inf
-    if isinstance(body, SheetBody):
-        return max(body.size)
-    return body.length if isinstance(body, RopeBody) else math.inf
+    return max(scene.body.own_lengths, default=math.inf)
 
 
 def of_body(name: str, doubt: str) -> str:
@@ -145,7 +139,7 @@ def _large(scene: Scene, n_unknowns: int) -> list[str]:
 
 def _fine_friction(scene: Scene, apart: float, finer: str) -> list[str]:
     """That friction varies between points that touch, which are so far apart [m]; finer: what brings them nearer."""
-    field = scene.body.friction_field
+    field = scene.body.uneven_friction
     if field is None or field.length >= apart:
         return []
     return [
@@ -331,7 +325,9 @@ def _hard_hits(scene: Scene, body: Body) -> list[str]:
         if isinstance(tool, PlaneTool):
             normal = np.array(tool.normal) / np.linalg.norm(tool.normal)
             heights.append(max(0.0, float(-gravity @ normal) * float(((body.x_rest - tool.point) @ normal).min())))
-    thrown = math.hypot(math.hypot(*scene.body.velocity), math.sqrt(2.0 * max(heights))) if scene.tools else 0.0
+    thrown = (
+        math.hypot(math.hypot(*scene.body.said("velocity", ())), math.sqrt(2.0 * max(heights))) if scene.tools else 0.0
+    )
     found = []
     if thrown > _HARD * slowest:
         found.append(f"body.velocity: it meets tools at up to {thrown:.3g} m/s, {_blow(thrown, slowest)}")

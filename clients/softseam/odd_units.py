@@ -43,7 +43,7 @@ def odd_units(scene: Scene, size: float) -> list[str]:
             "gravity: it pulls the body along every plane of the scene, or away from it, so that nothing holds the "
             "body up; is its sign right, and its axis? Planes look along z where they name no normal"
         )
-    speed = math.hypot(*scene.body.velocity)
+    speed = math.hypot(*scene.body.said("velocity", ()))
     if speed > _FAST:
         found.append(f"body.velocity: {speed:.4g} m/s is faster than a hand throws; is it in m/s, not in mm/s?")
     for name, tool in scene.tools.items():
@@ -63,7 +63,7 @@ def _stands(scene: Scene) -> bool:
     planes = [tool for tool in scene.tools.values() if isinstance(tool, PlaneTool)]
     moved = {name for phase in scene.motion if not isinstance(phase, HoldPhase) for name in phase.tools}
     others = {name for name, tool in scene.tools.items() if not isinstance(tool, PlaneTool)}
-    if not planes or scene.body.fixed or any(scene.body.velocity) or others - moved:
+    if not planes or scene.body.said("fixed", ()) or any(scene.body.said("velocity", ())) or others - moved:
         return True
     down = scene.gravity
     return any(
@@ -85,7 +85,7 @@ def _odd_tool(scene: Scene, name: str, tool: SolidTool, size: float) -> list[str
     reaches = [tool.extent(axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
     length = 2.0 * max((reach for reach in reaches if reach is not None), default=0.0)
     least = max(_FAR, _TIMES * size)
-    away = math.dist(tool.position, scene.body.position)
+    away = math.dist(tool.position, scene.body.said("position", (0.0, 0.0, 0.0)))
     if length > least:
         found.append(_unlike(f"tools.{name}", f"{length:.4g} m from end to end", length, size))
     elif away > least + length:

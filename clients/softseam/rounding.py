@@ -11,8 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene.bodies import AnyBody, BlockShape, BodySpec
-from softseam_protocol.scene.particles import RopeBody, SheetBody
+from softseam_protocol.scene.bodies import AnyBody
 from softseam_protocol.scene.scene import Scene
 
 _STRAIN = 1e-9
@@ -37,7 +36,8 @@ class Rounding:
 
 def _floors(body: AnyBody) -> Mapping[str, float]:
     """By unit, what a strain of `_STRAIN` makes of a body."""
-    length, stiffness = _extent(body), _stiffness(body)
+    length = max(body.own_lengths, default=1.0)  # of a mesh, whose extent its file alone has, a metre
+    stiffness = body.strain_force(length)
     return {
         "1": _STRAIN,
         "m": _STRAIN * length,
@@ -45,22 +45,3 @@ def _floors(body: AnyBody) -> Mapping[str, float]:
         "N": _STRAIN * stiffness,
         "J": _STRAIN**2 * stiffness * length,
     }
-
-
-def _extent(body: AnyBody) -> float:
-    """L [m]; of a mesh, whose extent its file alone tells, a metre."""
-    if isinstance(body, BodySpec) and isinstance(body.shape, BlockShape):
-        return max(body.shape.size)
-    if isinstance(body, SheetBody):
-        return max(body.size)
-    return body.length if isinstance(body, RopeBody) else 1.0
-
-
-def _stiffness(body: AnyBody) -> float:
-    """E L^2, the force that would strain it by 1 [N]."""
-    length = _extent(body)
-    if isinstance(body, BodySpec):
-        return min(material.young for material in body.materials) * length**2
-    if isinstance(body, SheetBody):
-        return body.stretch * length
-    return body.stretch if isinstance(body, RopeBody) else body.young * length**2

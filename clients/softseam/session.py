@@ -108,7 +108,7 @@ def open_as_given(
         for what, used in inputs_of(scene).items():
             if Path(record).resolve() == used.resolve():
                 raise BadInput(f"record={str(record)!r} is {what}, which would be lost: choose another name")
-    if record and any(body.kind == "cells" and body.ladder for body in varied.bodies.values()):
+    if record and any(body.said("ladder", ()) for body in varied.bodies.values()):
         raise BadInput("a body with a ladder changes its cells, and a recording has one surface a body: do not record")
     try:
         backend = _backend(bundle, connect, record, timeout)

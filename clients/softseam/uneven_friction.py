@@ -13,6 +13,6 @@ def in_words(field: FrictionFieldSpec) -> str:
 
 def uneven_friction(scene: Scene) -> str:
     """The same of all bodies on which it varies; '' where there are none."""
-    fields = {name: body.friction_field for name, body in scene.bodies.items()}
+    fields = {name: body.uneven_friction for name, body in scene.bodies.items()}
     told = {name: in_words(field) for name, field in fields.items() if field is not None}
     return "; ".join(words if scene.one is not None else f"{name}: {words}" for name, words in told.items())

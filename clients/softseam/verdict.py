@@ -52,7 +52,11 @@ def judge(scene: Scene, columns: Columns, done: bool) -> Verdict:
     ended = Verdict("finished" if done else "unfinished", f"the run came to its end{end}" if done else end[6:])
     names = lifters(scene)
     held = _held(scene, columns)
-    if not names or scene.bodies[held].fixed or any(isinstance(phase, ReleasePhase) for phase in scene.motion):
+    if (
+        not names
+        or scene.bodies[held].said("fixed", ())
+        or any(isinstance(phase, ReleasePhase) for phase in scene.motion)
+    ):
         return ended  # what is clamped, or let go, is not lifted
     risen = tool_rise(names, columns)
     forces = [np.stack([columns[f"tool.{name}.f{axis}"] for axis in "xyz"]) for name in names]

@@ -17,8 +17,8 @@ from softseam_protocol.participant.solver import Solver
 from softseam_protocol.scene.file import scene_from_bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.blas import use_one_thread
+from softseam_services.bodies import AnyBody, build_any_body
 from softseam_services.body.body import Body
-from softseam_services.body.build import AnyBody, build_any_body
 from softseam_services.body.particles import ParticleBody
 from softseam_services.built import Built
 from softseam_services.orchestrator.default_model import with_model

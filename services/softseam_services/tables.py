@@ -10,6 +10,7 @@ from softseam_coupling import ladder
 from softseam_coupling.interfaces import KINDS
 from softseam_coupling.loops import LOOPS
 from softseam_protocol.models import MODELS, solved_here
+from softseam_protocol.scene.bodies import BODIES
 from softseam_protocol.scene.interfaces import INTERFACES
 from softseam_protocol.scene.kinds import ELEMENTS, INTEGRATORS, SCHEMES
 from softseam_protocol.scene.ladder import RUNGS
@@ -17,6 +18,7 @@ from softseam_protocol.scene.materials import MATERIALS
 from softseam_protocol.scene.particles import CONSTRAINTS
 from softseam_protocol.scene.parts import PARTS
 from softseam_protocol.scene.tools import TOOLS
+from softseam_services.bodies import DISCRETISATIONS
 from softseam_services.body.materials import LAWS
 from softseam_services.fem import elements
 from softseam_services.fem.integrators import table as integrators
@@ -28,6 +30,7 @@ from softseam_services.solvers import SOLVERS
 def check_tables() -> None:
     """Raises MissingRow, which names the table and the row that it lacks."""
     for said, done in (
+        (BODIES, DISCRETISATIONS),
         (MATERIALS, LAWS),
         (ELEMENTS, elements.ELEMENTS),
         (INTEGRATORS, integrators.INTEGRATORS),

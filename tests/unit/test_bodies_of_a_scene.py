@@ -40,7 +40,7 @@ def test_each_body_has_its_own_regions_and_what_it_can_have() -> None:
     assert scene.of("nori").regions.default == "pbd" and scene.of("nori").quantities == ("grip_force", "worst_stretch")
     assert scene.of("tofu").quantities == ("peak_von_mises", "grip_force") and not scene.of("nori").probes
     changed = with_settings(scene, ["bodies.tofu.material.young=3e4", "regions.default=fem"])
-    assert changed.of("tofu").body.material.young == 3e4  # type: ignore[union-attr]
+    assert changed.of("tofu").body.material.young == 3e4  # type: ignore[attr-defined]
     assert changed.of("nori").regions.default == "pbd", "of particles, whatever the scene says"
     with pytest.raises(KeyError, match="tofu"):
         scene.of("tofo")

@@ -12,8 +12,8 @@ import pytest
 
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.scene.file import parse_scene
+from softseam_services.bodies import build_any_body
 from softseam_services.body.body import Floats
-from softseam_services.body.build import build_any_body
 from softseam_services.orchestrator.creep import Creep
 from softseam_services.tools.build import build_tools
 

@@ -18,9 +18,9 @@ from softseam_protocol.inner_ball import Ball, inner_ball
 from softseam_protocol.material_borders import material_borders, pieces
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.scene import Scene
+from softseam_services.bodies import build_any_body
 from softseam_services.body.body import Body
 from softseam_services.body.borders import border_lines
-from softseam_services.body.build import build_any_body
 from softseam_studies.study.configurations import Fem, configurations
 from softseam_studies.study.frame import Frame
 from softseam_studies.study.levels import levels_of

@@ -17,8 +17,8 @@ from softseam.variants import with_settings
 from softseam_protocol.material_borders import are_equal, cells_along, material_borders, pieces, wanted_for
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.scene import Scene
+from softseam_services.bodies import build_any_body
 from softseam_services.body.body import Body
-from softseam_services.body.build import build_any_body
 from softseam_studies.study.configurations import Fem, configurations
 from softseam_studies.study.frame import Frame
 from softseam_studies.study.levels import ACROSS, levels_of

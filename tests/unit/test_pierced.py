@@ -10,7 +10,7 @@ import pytest
 
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.scene.file import bundle_scene, parse_scene
-from softseam_services.body.build import build_any_body
+from softseam_services.bodies import build_any_body
 from softseam_services.body.interpolate import rest_points
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.pierced import Pierced

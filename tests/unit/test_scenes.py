@@ -11,7 +11,7 @@ import pytest
 
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import load_scene, scene_from_bundle
-from softseam_protocol.scene.particles import SheetBody, TetMeshBody
+from softseam_protocol.scene.particles import RopeBody, SheetBody, TetMeshBody
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body
@@ -59,12 +59,12 @@ def test_scene_of_particles_builds(name: str) -> None:
     loaded = load_scene(SCENES / f"{name}.yaml")
     setup = build_setup(loaded.bundle)
     spec, body = setup.scene.body, setup.body
-    assert isinstance(body, ParticleBody) and not isinstance(spec, BodySpec)
+    assert isinstance(body, ParticleBody) and isinstance(spec, SheetBody | RopeBody | TetMeshBody)
     if isinstance(spec, TetMeshBody):
         corners = body.x_rest[body.skin.owner][body.skin.triangles]
         size = np.linalg.det(corners).sum() / 6.0  # what its boundary encloses
     else:
-        size = np.prod(spec.size) if isinstance(spec, SheetBody) else spec.length
+        size = np.prod(spec.own_lengths)
     assert body.total_mass == pytest.approx(spec.density * size, rel=1e-12)
     if name == "cloth_fold":
         assert len(body.springs.rest) == 10_100

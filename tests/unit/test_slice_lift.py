@@ -76,7 +76,7 @@ def test_a_scene_lends_its_body_whatever_else_is_in_it() -> None:
     """Here a block that a plate pushes, cut in two models, with a probe."""
     env = SliceLift("tofu_push", randomise=None)
     assert list(env.scene.tools) == ["ground", "left", "right"]
-    assert env.scene.body.material.retardation_time == 0.0025  # type: ignore[union-attr]
+    assert env.scene.body.material.retardation_time == 0.0025  # type: ignore[attr-defined]
     env.reset(seed=0)
     assert env.session.last.surface[:, 2].min() == pytest.approx(0.0, abs=1e-9)
     env.close()

@@ -91,7 +91,7 @@ def test_rewards_add_up_to_the_potentials(env: TofuLift) -> None:
     force = float(np.expm1(env.see(env.session.last)[SEEN.index("force of the left pad")]) * 0.3)
     touch = 0.3 * force / (force + 0.3)
     rest = total - 3.0 - touch + 0.5 * info["stress"] / 3e3 + 2e-3 * steps
-    air = 0.086 - env.session.scene.body.shape.size[0]  # type: ignore[union-attr]
+    air = 0.086 - env.session.scene.body.shape.size[0]  # type: ignore[attr-defined]
     assert rest == pytest.approx(0.3 * air / 0.02, rel=0.25)  # seen along the pads' way, a turned piece is wider
 
 
@@ -232,9 +232,9 @@ def test_pieces_differ_within_their_spreads_and_seeds_bring_them_back() -> None:
         env.reset(seed=5)
         for _ in range(4):
             scene = env.session.scene
-            material = scene.body.material  # type: ignore[union-attr]
+            material = scene.body.material  # type: ignore[attr-defined]
             pads = [scene.tools[name].friction for name in ("left", "right", "ground")]
-            found.append([material.young, material.poisson, *scene.body.shape.size, *pads])  # type: ignore[union-attr]
+            found.append([material.young, material.poisson, *scene.body.shape.size, *pads])  # type: ignore[attr-defined]
             env.reset()
     env.close()
     young, poisson, length, *_, left, right, ground = np.array(first).T

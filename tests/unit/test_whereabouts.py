@@ -14,7 +14,7 @@ from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.scene.file import bundle_scene, parse_scene
 from softseam_protocol.scene.scene import Scene
-from softseam_services.body.build import build_any_body
+from softseam_services.bodies import build_any_body
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.whereabouts import Whereabouts

@@ -13,6 +13,7 @@ from pbd_run import PbdRun, block_scene
 
 import softseam
 from softseam_protocol.messages.participant import Advanced, BodyState
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.kinds import ElementKind, IntegratorKind, MaterialKind
 from softseam_protocol.scene.models import FemSpec
 from softseam_protocol.scene.scene import Scene
@@ -32,7 +33,7 @@ def viscous(
 ) -> Scene:
     """A weightless block, solved tightly, of a material with that retardation time [s]."""
     scene = block(gravity=(0.0, 0.0, 0.0), **keys)
-    assert scene.body.kind == "cells"
+    assert isinstance(scene.body, BodySpec)
     material = scene.body.material.model_copy(update={"retardation_time": time})
     fem = FemSpec(integrator=integrator, element=element, tolerance=1e-9)
     return scene.with_body(scene.body.model_copy(update={"material": material})).model_copy(
@@ -233,7 +234,7 @@ def test_pbd_takes_the_materials_time_for_its_own() -> None:
     for keys in ({"pbd": {"damping": {"stiffness": 2e-3}}}, {}):
         scene = block_scene((0.05, 0.05, 0.025), 0.025, step=0.01, gravity=(0.0, 0.0, 0.0), **keys)  # type: ignore[arg-type]
         if not keys:
-            assert scene.body.kind == "cells"
+            assert isinstance(scene.body, BodySpec)
             material = scene.body.material.model_copy(update={"retardation_time": 2e-3})
             scene = scene.with_body(scene.body.model_copy(update={"material": material}))
         rest = PbdRun(scene).body.x_rest

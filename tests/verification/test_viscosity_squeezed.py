@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pbd_run import PbdRun
 
 from softseam_protocol.messages.participant import Advanced, BodyState
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.kinds import ElementKind, IntegratorKind, MaterialKind
 from softseam_protocol.scene.models import FemSpec, PbdSpec
 from softseam_protocol.scene.scene import Scene
@@ -22,7 +23,7 @@ ENDS = [{"min": (-1.0, -1.0, z - 1e-6), "max": (1.0, 1.0, z + 1e-6)} for z in (0
 
 
 def with_time(scene: Scene, time: float) -> Scene:
-    assert scene.body.kind == "cells"
+    assert isinstance(scene.body, BodySpec)
     material = scene.body.material.model_copy(update={"retardation_time": time})
     return scene.with_body(scene.body.model_copy(update={"material": material}))
 

@@ -120,7 +120,7 @@ class Scale:
         """Of a run of this scene that the report tells of; finer, cell: as above."""
         grips = [phase for phase in scene.motion if isinstance(phase, ClosePhase)]
         timed = any(grip.force is not None or grip.until.force is not None for grip in grips)
-        free = any(not body.fixed for body in scene.bodies.values())
+        free = any(not body.said("fixed", ()) for body in scene.bodies.values())
         alike, taken = report["model"] == REFERENCE, motion_taken(report["energy"])
         return cls(alike, taken, timed, finer, free, cell=cell)
 

@@ -77,9 +77,10 @@ class PartMesh:
     points: Ids
     """global ids of the surface points that the part carries, ascending (p,)"""
     point_cell: Ids
-    """place of the cell that carries each (p,)"""
+    """place of the cell that carries each; without cells, of the node that it follows (p,)"""
     point_local: Vectors
-    """where in that cell, -1 to 1 along its x, y, z; beyond, by a cell at most, for points across a seam (p, 3)"""
+    """where in that cell, -1 to 1 along its x, y, z; beyond, by a cell at most, for points across a seam; without
+    cells, from that node along x, y, z [m] (p, 3)"""
 
 
 @message
@@ -98,7 +99,8 @@ class Configure:
     body: NameText = ONLY_BODY
     """of the scene, whose cells they are"""
     mesh: PartMesh | None = None
-    """of the cells, in their order; None: of particles, or from an older orchestrator"""
+    """of the cells, in their order, or of a body of points; None: of particles that constraints join, or from an older
+    orchestrator"""
 
 
 @message

@@ -1,4 +1,4 @@
-"""Bodies of a scene: of cells, which blocks and meshes fill, or of particles."""
+"""Bodies of a scene: of cells, which blocks and meshes fill, of particles, or of what extensions bring."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ from softseam_protocol.scene.materials import AnyMaterial, InclusionSpec, Materi
 from softseam_protocol.scene.mesh_files import MeshPart, MeshScale, MeshUp, usual_scale, usual_up
 from softseam_protocol.scene.particles import RopeBody, SheetBody, TetMeshBody
 from softseam_protocol.scene.regions import OwnRegions
-from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, Spec, Vector, check_edge, wrong
+from softseam_protocol.scene.spec import BoxRegion, NonNegative, OfKind, Positive, Spec, Vector, check_edge, wrong
 from softseam_protocol.scene.tools import ToolName
+from softseam_protocol.table import Table
 
 BodyName = ToolName
 
@@ -110,6 +111,7 @@ def _cell_tag(value: Any) -> str:
 class BodySpec(OwnRegions):
     """A deformable body in cells; its bounding box stands with the base's centre at `position`."""
 
+    made_of = "cells"
     kind: Literal["cells"] = "cells"
     shape: Shape
     position: Vector = Field(default=(0.0, 0.0, 0.0), description="base centre of the bounding box [m]")
@@ -179,6 +181,13 @@ class BodySpec(OwnRegions):
         return isinstance(self.shape, MeshShape) and self.shape.cells == "tetrahedra"
 
     @property
+    def own_lengths(self) -> tuple[float, ...]:
+        return self.shape.size if isinstance(self.shape, BlockShape) else ()
+
+    def strain_force(self, length: float) -> float:
+        return min(material.young for material in self.materials) * length**2
+
+    @property
     def element(self) -> ElementKind:
         """FEM's, where the scene names none."""
         if self.tetrahedral:
@@ -202,15 +211,9 @@ class BodySpec(OwnRegions):
         return self
 
 
-def _body_tag(value: Any) -> str:
-    kind = value.get("kind", "cells") if isinstance(value, dict) else getattr(value, "kind", "cells")
-    return str(kind)
-
-
-AnyBody = Annotated[
-    Annotated[BodySpec, Tag("cells")]
-    | Annotated[SheetBody, Tag("sheet")]
-    | Annotated[RopeBody, Tag("rope")]
-    | Annotated[TetMeshBody, Tag("tet_mesh")],
-    Discriminator(_body_tag),
-]
+BODIES: Table[type[OwnRegions]] = Table(
+    "kinds of body", {"cells": BodySpec, "sheet": SheetBody, "rope": RopeBody, "tet_mesh": TetMeshBody}
+)
+"""the specification of each kind; services have what builds it (softseam_services.bodies.DISCRETISATIONS)"""
+AnyBody = Annotated[OwnRegions, OfKind(BODIES, default="cells")]
+"""a body of any kind that BODIES has"""

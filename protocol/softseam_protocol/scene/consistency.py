@@ -15,8 +15,8 @@ from softseam_protocol.scene.implied import implied_model
 from softseam_protocol.scene.kinds import ELEMENTS, integrator_problem
 from softseam_protocol.scene.models import CLASSIC_PBD, DampingSpec, ModelsSpec
 from softseam_protocol.scene.motion import ClosePhase, GripPhase, Phase, ReleasePhase
-from softseam_protocol.scene.particles import ParticleBodySpec, TetMeshBody
-from softseam_protocol.scene.regions import RegionsSpec, SeamSpec
+from softseam_protocol.scene.particles import TetMeshBody
+from softseam_protocol.scene.regions import OwnRegions, RegionsSpec, SeamSpec
 from softseam_protocol.scene.spec import Vector, key, not_among, wrong
 from softseam_protocol.scene.tools import PlaneTool, ToolSpec
 from softseam_protocol.tool_borders import tool_borders
@@ -115,7 +115,7 @@ def _symmetry_is_used(scene: OneBody) -> None:
     near, fem = scene.regions.near, scene.models.fem
     if isinstance(scene.body, BodySpec) and scene.body.tetrahedral:
         raise wrong("tetrahedra of a file are not each other's images: leave it out", "symmetry")
-    if scene.body.friction_field is not None:
+    if scene.body.uneven_friction is not None:
         told = "friction varies over both sides as neither's image: leave it out, or `symmetry`"
         raise wrong(told, "body", "friction_field")
     able = that(lambda facts: facts.one_side)
@@ -128,16 +128,16 @@ def _symmetry_is_used(scene: OneBody) -> None:
         raise wrong("symplectic_euler solves no equations: leave it out", "symmetry")
 
 
-def _check_particles(scene: OneBody, body: ParticleBodySpec, beside_cells: bool) -> None:
-    """Raise if the scene asks something of a body of particles that only one in cells can do."""
+def _check_particles(scene: OneBody, body: OwnRegions, beside_cells: bool) -> None:
+    """Raise if the scene asks something of a body without cells that only one in cells can do."""
     _symmetry_is_used(scene)
-    have = f"a {body.kind} is made of particles, not cells"
+    have = body.no_cells
     if isinstance(body, TetMeshBody):
         for i, phase in enumerate(scene.motion):
             if isinstance(phase, GripPhase | ReleasePhase):
                 does = "grip" if isinstance(phase, GripPhase) else "release"
                 raise wrong("a tet_mesh is held by friction: close two tools on it", "motion", i, does)
-    if body.constraints and scene.models.pbd.method == CLASSIC_PBD:
+    if body.said("constraints", ()) and scene.models.pbd.method == CLASSIC_PBD:
         raise wrong("classic pbd has no compliance: constraints need xpbd", *key("models.pbd.method"))
     if scene.models.pbd.method == "leapfrog":
         raise wrong(f"{have}: leapfrog moves cells, use xpbd", *key("models.pbd.method"))
@@ -157,7 +157,7 @@ def _check_particles(scene: OneBody, body: ParticleBodySpec, beside_cells: bool)
     if scene.probes:
         raise wrong(f"{have}, and has no stress to probe", "probes")
     for i, quantity in enumerate(scene.quantities):
-        if QUANTITIES[quantity].of == "cells":
+        if QUANTITIES[quantity].of not in ("any", body.made_of):
             raise wrong(f"{have}, and has no {quantity}", "quantities", i)
     for i, phase in enumerate(scene.motion):
         if isinstance(phase, ClosePhase) and phase.force is not None and not beside_cells:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from softseam_protocol.models import PARTICLES_DEFAULT, ModelKind, taking, that
+from softseam_protocol.models import ModelKind, taking, that
 from softseam_protocol.scene.bodies import AnyBody, BodySpec
 from softseam_protocol.scene.models import ModelsSpec
 
@@ -15,7 +15,7 @@ def implied_model(body: AnyBody, models: ModelsSpec, symmetry: Sequence[str]) ->
     Whoever sets one model's keys alone means that model: with the other they would do nothing.
     """
     if not isinstance(body, BodySpec):
-        return PARTICLES_DEFAULT, f"a {body.kind} is made of particles"
+        return body.usual_model, body.no_cells.removesuffix(", not cells")
     if body.tetrahedral:
         able = taking("tetrahedra")
         return able[0], f"only {' and '.join(able)} takes tetrahedra of a file for cells"

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from softseam_protocol.scene.bodies import AnyBody, BodyName, BodySpec
+from softseam_protocol.scene.bodies import AnyBody, BodyName
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.spec import OfKind, Spec, wrong
 from softseam_protocol.scene.tools import ToolName
@@ -35,8 +35,9 @@ def check_interface(name: str, spec: InterfaceSpec, bodies: Mapping[str, AnyBody
         if body not in bodies:
             raise wrong(f"no body is called {body!r}; the scene has: {', '.join(bodies)}", *at)
         found = bodies[body]
-        if not isinstance(found, BodySpec):
-            raise wrong(f"{body!r} is made of particles, which have no faces: name a body in cells", *at)
+        if not found.has_cells:
+            what = f"{body!r} is made of {found.made_of}, which have no faces: name a body in cells"
+            raise wrong(what, *at)
         own = found.regions or regions
         if own.cut:
             text = f"{body!r} is cut in two models, which interfaces do not join yet: leave out its regions.near"

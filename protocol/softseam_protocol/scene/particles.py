@@ -67,6 +67,7 @@ AnyConstraint = Annotated[ConstraintSpec, OfKind(CONSTRAINTS)]
 class _Particles(OwnRegions):
     """What all have alike."""
 
+    made_of = "particles"
     position: Vector = Field(default=(0.0, 0.0, 0.0), description="its middle [m]")
     rotation: Rotation = Field(
         default=(0.0, 0.0, 0.0),
@@ -153,6 +154,13 @@ class SheetBody(_Particles):
                     *("constraints", i, "curvature"),
                 )
 
+    @property
+    def own_lengths(self) -> tuple[float, ...]:
+        return self.size
+
+    def strain_force(self, length: float) -> float:
+        return self.stretch * length
+
     def axial(self, shear: float) -> float:
         """C11 of a lattice, whose C12 is its shear stiffness: Y = C11 - C12^2/C11 is the stretch [N/m]."""
         return 0.5 * (self.stretch + math.hypot(self.stretch, 2.0 * shear))
@@ -175,6 +183,13 @@ class RopeBody(_Particles):
         if self.divisions + 1 > MOST_PARTICLES:
             raise wrong(f"more than {MOST_PARTICLES:,} particles: give fewer divisions", "divisions")
         return self
+
+    @property
+    def own_lengths(self) -> tuple[float, ...]:
+        return (self.length,)
+
+    def strain_force(self, length: float) -> float:
+        return self.stretch
 
 
 class TetMeshBody(_Particles):
@@ -218,6 +233,9 @@ class TetMeshBody(_Particles):
         if n > MOST_PARTICLES:
             raise wrong(f"{n:,} particles, more than {MOST_PARTICLES:,}: give fewer divisions", "divisions")
         return self
+
+    def strain_force(self, length: float) -> float:
+        return self.young * length**2
 
 
 ParticleBodySpec = SheetBody | RopeBody | TetMeshBody

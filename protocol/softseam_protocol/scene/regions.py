@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from softseam_protocol.models import FAR_DEFAULT, MODELS, NEAR_DEFAULT, ModelKind, that
+from softseam_protocol.scene.friction_field import FrictionFieldSpec
 from softseam_protocol.scene.kinds import SCHEMES
 from softseam_protocol.scene.spec import BoxRegion, Positive, RowOf, Spec, wrong
+
+Said = TypeVar("Said")
 
 
 class NearSpec(Spec):
@@ -95,13 +98,50 @@ class RegionsSpec(Spec):
 
 
 class OwnRegions(Spec):
-    """What a body may say where a scene has several."""
+    """What every body has: regions of its own, where a scene has several, and facts that hold for its kind. Each kind
+    is a subclass with the keys of its own, a row of `softseam_protocol.scene.bodies.BODIES`."""
 
+    made_of: ClassVar[Literal["cells", "particles", "points"]] = "points"
+    """particles: points that XPBD's constraints join, whose quantities it alone reports"""
+    usual_model: ClassVar[ModelKind] = FAR_DEFAULT
+    """where the scene names none"""
+    if TYPE_CHECKING:  # the name of its row; as a field of this class it would come first in texts
+        kind: str
     regions: RegionsSpec | None = Field(
         default=None,
         exclude_if=lambda regions: regions is None,
         description="which of its cells get which model; default: the scene's `regions`",
     )
+
+    @property
+    def has_cells(self) -> bool:
+        return self.made_of == "cells"
+
+    @property
+    def no_cells(self) -> str:
+        """Why what needs cells does not go with it."""
+        particles = f"a {self.kind} is made of particles, not cells"
+        return particles if self.made_of == "particles" else f"a body of {self.kind} has no cells"
+
+    def said(self, key: str, default: Said) -> Said:
+        """What it says by a key that many kinds have (position, fixed, velocity, damping); else the default."""
+        found: Said = getattr(self, key, default)
+        return found
+
+    @property
+    def own_lengths(self) -> tuple[float, ...]:
+        """Its edge lengths [m]; none where its keys alone do not say them."""
+        return ()
+
+    def strain_force(self, length: float) -> float:
+        """About the force that would strain a body of this length [m] by 1 [N]; 0 where nothing is known of it."""
+        return 0.0
+
+    @property
+    def uneven_friction(self) -> FrictionFieldSpec | None:
+        """How friction on tools varies over it."""
+        even: FrictionFieldSpec | None = None
+        return self.said("friction_field", even)
 
 
 _REFUSED_SCHEMES = {

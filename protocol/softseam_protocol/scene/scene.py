@@ -9,7 +9,6 @@ from typing import Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from softseam_protocol.messages.names import ONLY_BODY, prefix
-from softseam_protocol.models import PARTICLES_DEFAULT
 from softseam_protocol.quantities import QUANTITIES, QuantityName, probed
 from softseam_protocol.scene.bodies import AnyBody, BodyName, BodySpec
 from softseam_protocol.scene.consistency import check_body, check_tools
@@ -119,9 +118,8 @@ class Scene(Spec):
         if name not in self.many:
             raise KeyError(f"no body is called {name!r}; the scene has: {', '.join(self.many)}")
         body = self.many[name]
-        cells = isinstance(body, BodySpec)
-        regions = body.regions or (self.regions if cells else RegionsSpec(default=PARTICLES_DEFAULT))
-        kinds = ("any", "cells" if cells else "particles")
+        regions = body.regions or (self.regions if body.has_cells else RegionsSpec(default=body.usual_model))
+        kinds = ("any", body.made_of)
         return self._with_models_of(body).model_copy(
             update={
                 "one": body,
@@ -129,7 +127,7 @@ class Scene(Spec):
                 "interfaces": {},
                 "regions": regions,
                 "quantities": tuple(name for name in self.quantities if QUANTITIES[name].of in kinds),
-                "probes": self.probes if cells else {},
+                "probes": self.probes if body.has_cells else {},
             }
         )
 
@@ -208,8 +206,8 @@ class Scene(Spec):
 
     @property
     def kinds(self) -> set[str]:
-        """What its bodies are made of: "cells", "particles", or both."""
-        return {"cells" if isinstance(body, BodySpec) else "particles" for body in self.bodies.values()}
+        """What its bodies are made of: "cells", "particles", "points", or several of these."""
+        return {body.made_of for body in self.bodies.values()}
 
     def _bodies_are_told(self) -> None:
         """Raise unless there is `body`, or `bodies`, and what is asked of them goes with as many."""

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, Any
 
 from pydantic import (
@@ -151,12 +152,14 @@ class Spec(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # as of RowOf
 class OfKind:
     """Of a specification: its `kind` names a row of the table, as that is when a scene is read; the row is its class.
     The schema lists those that the table has then."""
 
     table: Table[Any]
+    default: str = ""
+    """kind of a specification that names none; '': each has to"""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(
@@ -173,15 +176,31 @@ class OfKind:
             return value
         if not self.table:
             raise wrong(f"the table of {self.table.title} has no rows yet: import the extension that adds them")
-        union = SchemaValidator(self._union())
+        union = _validator(tuple(self.table.items()), self.default)
         if info.mode == "json":
             # strict JSON, as of scene files: a list becomes a tuple and 1 a float, but "1" and true are not numbers
             return union.validate_json(json.dumps(value), strict=True)
         return union.validate_python(dict(value) if isinstance(value, Mapping) else value)
 
     def _union(self) -> CoreSchema:
-        kinds = {name: spec.__pydantic_core_schema__ for name, spec in self.table.items()}
-        return core_schema.tagged_union_schema(kinds, "kind")
+        return _union(tuple(self.table.items()), self.default)
+
+
+def _union(rows: tuple[tuple[str, type[Spec]], ...], default: str) -> CoreSchema:
+    """Of the specifications by kind; default: as of `OfKind`."""
+    kinds = {name: spec.__pydantic_core_schema__ for name, spec in rows}
+
+    def kind_of(value: Any) -> str:
+        kind = value.get("kind", default) if isinstance(value, dict) else getattr(value, "kind", default)
+        return str(kind)
+
+    return core_schema.tagged_union_schema(kinds, kind_of if default else "kind")
+
+
+@lru_cache(maxsize=64)  # rows change where an extension comes, not from scene to scene
+def _validator(rows: tuple[tuple[str, type[Spec]], ...], default: str) -> SchemaValidator:
+    """What reads one of these specifications."""
+    return SchemaValidator(_union(rows, default))
 
 
 def _dumped(spec: Spec, info: SerializationInfo) -> dict[str, Any]:

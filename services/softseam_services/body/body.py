@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,6 +126,8 @@ class Body:
     """factor on friction with every tool"""
     notes: tuple[str, ...] = ()
     """what the importer repaired or wants to tell"""
+    made_of: ClassVar[Literal["cells"]] = "cells"
+    has_cells: ClassVar[bool] = True
 
     @property
     def material(self) -> Material:

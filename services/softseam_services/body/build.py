@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from softseam_protocol.inner_ball import Ball, inner_ball
 from softseam_protocol.material_borders import material_borders, pieces
 from softseam_protocol.scene.bodies import MOST_CELLS, BlockShape, BodySpec, MeshShape
-from softseam_protocol.scene.particles import TetMeshBody
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
 from softseam_protocol.scene.tools import BoxTool, PlaneTool
@@ -27,12 +26,10 @@ from softseam_services.body.graded import bordered_line, graded_block, graded_li
 from softseam_services.body.hexahedra import OwnCells, numbered_cells, own_cells
 from softseam_services.body.inclusions import materials_at, octant_centres
 from softseam_services.body.lattice import divide, number_nodes
-from softseam_services.body.lattices import build_particles
 from softseam_services.body.mass import lump_full
 from softseam_services.body.materials import build_material
 from softseam_services.body.mesh_io import read_hexahedra, read_tetrahedra
 from softseam_services.body.particles import ParticleBody
-from softseam_services.body.tet_mesh import build_tet_mesh
 from softseam_services.body.tetrahedra import tetrahedral_cells
 from softseam_services.body.tetrahedron import CORNERS, FILL
 from softseam_services.body.tight_box import tightest_axes
@@ -49,15 +46,6 @@ _ROUNDER = (
 AnyBody = Body | ParticleBody
 
 
-def build_any_body(scene: Scene, files: Mapping[str, bytes]) -> AnyBody:
-    """Build the scene's body, in cells or of particles; see `build_body`."""
-    if isinstance(scene.body, BodySpec):
-        return build_body(scene, files)
-    if isinstance(scene.body, TetMeshBody):
-        return build_tet_mesh(scene, scene.body, files)
-    return build_particles(scene, scene.body)
-
-
 def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
     """Build a body in cells; the same scene and files give the same bits in every process.
 
@@ -67,6 +55,11 @@ def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
     spec = scene.body
     if not isinstance(spec, BodySpec):
         raise ValueError(f"a {spec.kind} has no cells")
+    return build_cells(scene, spec, files)
+
+
+def build_cells(scene: Scene, spec: BodySpec, files: Mapping[str, bytes]) -> Body:
+    """The same, where its specification is known to be one of cells."""
     if isinstance(spec.shape, BlockShape):
         if spec.shape.graded:
             return _graded(scene, spec, spec.shape, files)

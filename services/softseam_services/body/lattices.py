@@ -28,14 +28,8 @@ from softseam_services.body.particles import ParticleBody, assemble, bends_of, p
 from softseam_services.body.skin import rope_skin, sheet_skin
 
 
-def build_particles(scene: Scene, spec: SheetBody | RopeBody) -> ParticleBody:
-    """The sheet or rope of a scene; the same scene gives the same bits in every process."""
-    if isinstance(spec, SheetBody):
-        return _sheet(scene, spec)
-    return _rope(scene, spec)
-
-
-def _sheet(scene: Scene, spec: SheetBody) -> ParticleBody:
+def build_sheet(scene: Scene, spec: SheetBody) -> ParticleBody:
+    """The sheet of a scene; the same scene gives the same bits in every process."""
     (nx, ny), size = spec.divisions, np.array(spec.size)
     a, b = (size / spec.divisions).tolist()
     number = np.arange((nx + 1) * (ny + 1), dtype=np.int32).reshape(ny + 1, nx + 1)
@@ -85,7 +79,8 @@ def _sheet(scene: Scene, spec: SheetBody) -> ParticleBody:
     )
 
 
-def _rope(scene: Scene, spec: RopeBody) -> ParticleBody:
+def build_rope(scene: Scene, spec: RopeBody) -> ParticleBody:
+    """The rope of a scene; the same scene gives the same bits in every process."""
     n = spec.divisions
     a = spec.length / n
     number = np.arange(n + 1, dtype=np.int32)

@@ -1,8 +1,9 @@
-"""Bodies of particles, sheets, ropes and meshes of tetrahedra: what PBD moves and a viewer draws."""
+"""Bodies of particles, sheets, ropes and meshes of tetrahedra, or of points: what PBD moves and a viewer draws."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +70,7 @@ class ParticleBody:
     """N particles; P surface points around them. Has what `Body` has and cells do not matter for."""
 
     kind: str
-    """'sheet', 'rope' or 'tet_mesh'"""
+    """'sheet', 'rope', 'tet_mesh', or one from outside"""
     x_rest: Floats
     """(N, 3) [m]"""
     mass: Floats
@@ -100,6 +101,9 @@ class ParticleBody:
     solid: Solid | None = None
     """the tetrahedra, where it has any"""
     notes: tuple[str, ...] = ()
+    made_of: Literal["particles", "points"] = "particles"
+    """particles: what quantities of particles are of; points: what nothing joins"""
+    has_cells: ClassVar[bool] = False
 
     @property
     def n_nodes(self) -> int:
@@ -120,9 +124,9 @@ class ParticleBody:
 
     def facts(self) -> dict[str, str]:
         """What `softseam check` tells of it."""
-        size = np.ptp(self.x_rest, axis=0)
+        size, what = np.ptp(self.x_rest, axis=0), self.kind if self.made_of == "points" else f"a {self.kind}"
         return {
-            "body": f"a {self.kind}, " + " x ".join(f"{1e3 * side:.4g}" for side in size) + " mm",
+            "body": f"{what}, " + " x ".join(f"{1e3 * side:.4g}" for side in size) + " mm",
             "mass": f"{1e3 * self.total_mass:.4g} g",
             "particles": f"{self.n_nodes}, {int(self.fixed.sum())} of them clamped, {1e3 * self.spacing:.3g} mm apart",
             "constraints": f"{len(self.springs.rest)} springs, {len(self.bends.stiffness)} bends"

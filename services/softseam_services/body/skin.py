@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,9 +27,13 @@ class Skin:
     """particles along the two sides of a sheet, (particles, 1) of a rope, (0, 0) where the points are particles"""
     radius: float
     """distance of the points from their particles [m]"""
+    offset: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    """of the points from their particles, whatever happens (P, 3) [m]; none where the two above say where they are"""
 
     def points(self, x: Floats) -> Floats:
         """Points around particles x (N, 3) [m]; of a sheet the upper layer first (P, 3)."""
+        if len(self.offset):
+            return np.asarray(x[self.owner] + self.offset)
         if self.counts[0] == 0:
             return np.asarray(x[self.owner])
         if self.counts[1] > 1:

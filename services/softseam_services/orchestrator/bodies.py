@@ -60,7 +60,7 @@ class Bodies:
         self._ladders = {
             name: Ladder(scene, name, body, bundle.files, partial(self._on_rung, name))
             for name, body in scene.bodies.items()
-            if body.kind == "cells" and body.ladder
+            if body.said("ladder", ())
         }
         self.named = {
             name: self._ladders[name].begin() if name in self._ladders else self._simulated(name, bundle, setup)

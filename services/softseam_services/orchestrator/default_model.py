@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_protocol.messages.names import ONLY_BODY
-from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT, PARTICLES_DEFAULT, ModelKind, that
+from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT, ModelKind, that
 from softseam_protocol.scene.consistency import fits
 from softseam_protocol.scene.implied import implied_model
 from softseam_protocol.scene.regions import NearSpec
@@ -39,7 +39,7 @@ def with_model(scene: Scene, body: AnyBody, tools: ToolSet) -> tuple[Scene, str]
     if scene.regions.default is not None:
         return scene, ""
     if not isinstance(body, Body):
-        return _given(scene, PARTICLES_DEFAULT), ""
+        return _given(scene, scene.body.usual_model), ""
     implied = implied_model(scene.body, scene.models, scene.symmetry)
     if implied is not None:
         kind, why = implied

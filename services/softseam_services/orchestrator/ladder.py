@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from softseam_coupling.ladder import RUNGS, Discretised, Rung, Standing
 from softseam_coupling.ledger import Energies
 from softseam_protocol.messages.participant import BodyState, Bundle
-from softseam_protocol.scene.bodies import BodySpec
+from softseam_protocol.scene.bodies import AnyBody as AnyBodySpec
 from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.ladder import RungSpec
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
@@ -34,7 +35,7 @@ class Ladder:
         self,
         scene: Scene,
         name: str,
-        spec: BodySpec,
+        spec: AnyBodySpec,
         files: Mapping[str, bytes],
         make: Callable[[Bundle], SimulatedBody],
     ) -> None:
@@ -47,7 +48,8 @@ class Ladder:
         if any(name in interface.between for interface in scene.interfaces.values()):
             raise SettingError(f"interfaces: they act on nodes that stay: leave out the ladder of {name!r}")
         self._scene, self._name, self._spec, self._files, self._make = scene, name, spec, dict(files), make
-        self._rungs: list[Rung] = [RUNGS[rung.kind](rung) for rung in spec.ladder]
+        none: tuple[RungSpec, ...] = ()
+        self._rungs: list[Rung] = [RUNGS[rung.kind](rung) for rung in spec.said("ladder", none)]
         self._bodies: dict[int, SimulatedBody] = {}
         self.at = 0
         """which it is on, from 0"""

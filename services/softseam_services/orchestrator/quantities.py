@@ -240,7 +240,7 @@ class Quantities:
         QUANTITIES.require(MEASUREMENTS, MEASUREMENTS.described)
         PROBE_MEASUREMENTS.require(PROBED, PROBED.described)
         self._program, self._rest = program, RestingBody(body)
-        kinds = ("any", "cells" if isinstance(body, Body) else "particles")
+        kinds = ("any", body.made_of)
         self._rows = [
             (name, row, MEASUREMENTS[name])
             for name, row in QUANTITIES.items()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,8 +85,7 @@ class Regions:
 
     def state(self) -> BodyState:
         """The whole body, which is in cells, as it stands."""
-        assert isinstance(self._body, Body)
-        return merged_state(self._body, self.sides, self.participants.observe())
+        return merged_state(cast(Body, self._body), self.sides, self.participants.observe())
 
     def follow(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> Energies | None:
         """Let the cut follow the scene's rule after a step; the energies after a switch, None where none was made.

@@ -101,9 +101,9 @@ def side_mass(body: Body, cells: Ints) -> Floats:
 
 
 def part_mesh(body: AnyBody, sides: Sides, name: str) -> PartMesh | None:
-    """The mesh of one side; None of particles."""
+    """The mesh of one side; None of particles that constraints join."""
     if isinstance(body, ParticleBody):
-        return None
+        return points_mesh(body) if body.made_of == "points" else None
     part = build_region(body, sides.cells[name], sides.coupling_nodes, sides.owns_points(name))
     return PartMesh(
         part.nodes,
@@ -115,6 +115,13 @@ def part_mesh(body: AnyBody, sides: Sides, name: str) -> PartMesh | None:
         part.point_cell,
         part.point_local,
     )
+
+
+def points_mesh(body: ParticleBody) -> PartMesh:
+    """That of a body of points, whole: no cells, and each surface point with the node that it follows."""
+    nodes, points = (np.arange(count, dtype=np.int32) for count in (body.n_nodes, body.n_points))
+    cells, fixed = np.zeros((0, 27), dtype=np.int32), body.fixed.astype(np.int8)
+    return PartMesh(nodes, body.x_rest, body.mass, fixed, cells, points, body.skin.owner, body.skin.offset)
 
 
 def contact_state(body: AnyBody, fields: Mapping[str, Fields]) -> tuple[Floats, Ints]:

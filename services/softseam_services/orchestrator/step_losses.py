@@ -36,7 +36,7 @@ class StepLosses:
         self._least = _FALL * _G * mass * float(np.ptp(body.x_rest, axis=0).max())
         spec = scene.body
         own = isinstance(spec, BodySpec) and any(material.retardation_time > 0.0 for material in spec.materials)
-        self._damped = own or spec.damping > 0.0 or scene.models.pbd.damping != DampingSpec()
+        self._damped = own or spec.said("damping", 0.0) > 0.0 or scene.models.pbd.damping != DampingSpec()
         self._static = scene.models.fem.integrator == "static"
         self._takes_substeps = some_read([scene.regions.default], "pbd.substeps")
         self.forget()

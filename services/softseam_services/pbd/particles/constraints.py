@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.particles import ConstraintSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.table import Table
@@ -84,7 +83,8 @@ def build_constraints(body: ParticleBody, specs: Sequence[ConstraintSpec]) -> Jo
 
 def constraints_of(scene: Scene) -> tuple[ConstraintSpec, ...]:
     """What the scene adds to its body of particles."""
-    return () if isinstance(scene.body, BodySpec) else scene.body.constraints
+    none: tuple[ConstraintSpec, ...] = ()
+    return scene.body.said("constraints", none)
 
 
 def _check(kind: str, joins: Joins, n_nodes: int) -> None:

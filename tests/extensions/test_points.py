@@ -1,0 +1,157 @@
+"""A kind of body from outside that XPBD moves: a drop of beads, points without cells that nothing joins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from io import StringIO
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from pydantic import Field
+from rich.console import Console
+
+import softseam
+from softseam.checking import check_scene
+from softseam.embedded import resimulate
+from softseam.recording import Recording
+from softseam.replay import verify
+from softseam.report import ReportBuilder
+from softseam.view.snapshots import draw_snapshots
+from softseam_protocol.scene.bodies import BODIES
+from softseam_protocol.scene.file import SceneError, parse_scene
+from softseam_protocol.scene.regions import OwnRegions
+from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.spec import Positive
+from softseam_protocol.table import MissingRow
+from softseam_services.bodies import DISCRETISATIONS, Points, Surface
+from softseam_services.body.errors import MeshError
+from softseam_services.tables import check_tables
+
+RADIUS, MASS = 0.004, 2e-3
+OCTAHEDRON = RADIUS * np.concatenate([np.eye(3), -np.eye(3)])
+FACES = np.array([[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]])
+
+
+class BeadsBody(OwnRegions):
+    """Beads side by side, which nothing joins."""
+
+    kind: Literal["beads"] = "beads"
+    count: int = Field(ge=1, description="of beads along x and y")
+    height: Positive = Field(description="of their middles above the ground [m]")
+
+
+def beads(spec: BeadsBody, files: Any) -> Points:
+    at = np.stack(np.meshgrid(*2 * [np.arange(spec.count) * 3.0 * RADIUS]), axis=-1).reshape(-1, 2)
+    x = np.column_stack([at, np.full(len(at), spec.height)])
+    own = np.arange(len(x))
+    surface = Surface(
+        owner=own.repeat(6),
+        offset=np.tile(OCTAHEDRON, (len(x), 1)),
+        triangles=(FACES + 6 * own[:, None, None]).reshape(-1, 3),
+    )
+    return Points(x_rest=x, mass=np.full(len(x), MASS), surface=surface)
+
+
+@pytest.fixture(autouse=True)
+def rows() -> Iterator[None]:
+    BODIES.add("beads", BeadsBody)
+    DISCRETISATIONS.add("beads", beads)
+    yield
+    DISCRETISATIONS.remove("beads")
+    BODIES.remove("beads")
+
+
+def scene(**changes: Any) -> Scene:
+    """16 beads, 1 mm above the ground."""
+    body = {"kind": "beads", "count": 4, "height": RADIUS + 0.001}
+    data = {"softseam": 1, "name": "beads", "step": 5e-3, "duration": 0.2, "body": body}
+    return Scene.model_validate(data | {"tools": {"ground": {"kind": "plane"}}} | changes)
+
+
+def test_beads_are_weighed_drawn_recorded_and_replayed(tmp_path: Path) -> None:
+    """The ground carries their weight to 1 %, a radius below their middles. A replay is the run, bit for bit."""
+    with softseam.open(scene(), record=tmp_path / "beads.mcap") as sim:
+        seen = sim.run(fields=True)
+    assert seen.wrench["ground"][2] == pytest.approx(-16 * MASS * 9.81, rel=0.01)
+    np.testing.assert_allclose(seen.positions[:, 2], RADIUS, atol=1e-4)
+    recording = Recording(tmp_path / "beads.mcap")
+    *_, last = recording.frames()
+    np.testing.assert_array_equal(last.x, seen.positions)
+    np.testing.assert_array_equal(last.point_x, np.repeat(last.x, 6, axis=0) + np.tile(OCTAHEDRON, (16, 1)))
+    assert verify(recording, resimulate).same
+    builder = ReportBuilder(recording.bundle, facts=recording.facts)
+    for message in recording:
+        builder.add(message)
+    picture = imread(draw_snapshots(recording, builder, tmp_path / "beads.png"))
+    assert (np.ptp(picture[..., :3], axis=2) > 0.15).mean() > 0.01  # pixels that are neither paper, ink nor ground
+
+
+def test_restored_beads_fall_with_the_same_bits() -> None:
+    with softseam.open(scene()) as sim:
+        sim.run(max_steps=3)
+        kept = sim.snapshot()
+        after = [sim.step().positions for _ in range(5)]
+        sim.restore(kept)
+        np.testing.assert_array_equal([sim.step().positions for _ in range(5)], after)
+
+
+def test_a_check_says_what_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "beads.yaml"
+    path.write_text(
+        "softseam: 1\nname: beads\nduration: 0.1\nbody: {kind: beads, count: 4, height: 0.01}\n"
+        "tools: {ground: {kind: plane}}\n"
+    )
+    said = StringIO()
+    check_scene(str(path), (), Console(file=said, width=1000))
+    assert "beads, 36 x 36 x 0 mm" in said.getvalue() and "32 g" in said.getvalue()
+
+
+NEAR = {"regions": {"default": "pbd", "near": {"model": "fem", "within": 0.01}}}
+FOR_CELLS = [
+    {"regions": {"default": "fem"}},
+    NEAR,
+    {"quantities": ["peak_von_mises"]},
+    {"probes": {"a": [0, 0, 0.01]}},
+]
+
+
+@pytest.mark.parametrize("changes", FOR_CELLS)
+def test_what_needs_cells_is_refused_by_name(changes: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"beads.* no cells"):
+        scene(**changes)
+
+
+def test_its_keys_are_read_as_those_of_other_bodies() -> None:
+    said = "softseam: 1\nname: beads\nduration: 1.0\nbody: {kind: beads, count: 4, hight: 0.01}\n"
+    with pytest.raises(SceneError, match=r"body\.hight: unknown key; did you mean 'height'"):
+        parse_scene(said)
+    with pytest.raises(SceneError, match=r"did you mean 'beads'\? \(allowed: cells, sheet, rope, tet_mesh, beads\)"):
+        parse_scene(said.replace("beads,", "bead,"))
+
+
+def test_a_kind_without_its_row_is_missed_at_start() -> None:
+    DISCRETISATIONS.remove("beads")
+    try:
+        with pytest.raises(MissingRow, match="discretisations of bodies: no row 'beads', which the table of kinds of"):
+            check_tables()
+    finally:
+        DISCRETISATIONS.add("beads", beads)
+
+
+WRONG = [
+    ({"mass": np.ones(3)}, r"beads gives mass of shape \(3,\): \(1,\)"),
+    ({"mass": np.zeros(1)}, "without mass"),
+    ({"x_rest": np.full((1, 3), np.nan)}, "finite"),
+    ({"surface": Surface(np.array([1]), np.zeros((1, 3)), np.zeros((0, 3), dtype=int))}, r"owner .* none of 1 points"),
+]
+
+
+@pytest.mark.parametrize(("changes", "said"), WRONG)
+def test_arrays_that_do_not_fit_are_refused(changes: dict[str, Any], said: str) -> None:
+    own: dict[str, Any] = {"x_rest": np.zeros((1, 3)), "mass": np.ones(1)}
+    own |= {"surface": Surface(np.zeros(1, dtype=int), np.zeros((1, 3)), np.zeros((0, 3), dtype=int))}
+    with pytest.raises(MeshError, match=said):
+        Points(**own | changes).stand(scene(body={"kind": "beads", "count": 1, "height": 0.01}))
