@@ -88,10 +88,8 @@ def _check_body(
     setup: Setup, probes: Mapping[str, Vector], name: str, settings: Sequence[str]
 ) -> tuple[Table, list[str], list[str]]:
     """What a body is, what is doubtful about it, and notes. Raises SceneRefused."""
-    from softseam_services.body.body import Body
     from softseam_services.body.check import check_body
     from softseam_services.body.errors import SettingError
-    from softseam_services.body.particles import ParticleBody
     from softseam_services.orchestrator.goal import Goal
     from softseam_services.orchestrator.grip_sides import grip_sides
     from softseam_services.orchestrator.probes import Probes
@@ -100,7 +98,7 @@ def _check_body(
     scene, built = setup.scene, setup.body
     try:
         with translated():
-            if isinstance(built, Body):
+            if built.has_cells:
                 Probes(built, probes)
                 if scene.regions.goal is not None:
                     Goal(scene, built, setup.tools)
@@ -108,7 +106,7 @@ def _check_body(
         raise SceneRefused(located(str(error), name, settings)) from None
     table = Table.grid(padding=(0, 2))
     table.add_column(style="dim")
-    if isinstance(built, ParticleBody):
+    if not built.has_cells:
         facts = {**built.facts(), **_friction(setup), **_added(setup, built), **_condition(setup)}
         for fact, value in facts.items():
             table.add_row(fact, value)
@@ -161,13 +159,12 @@ def _check_body(
 
 def _friction(setup: Setup) -> dict[str, str]:
     """How friction varies over the body; nothing where it does not."""
-    from softseam_services.body.body import Body
     from softseam_services.body.interpolate import rest_points
 
     spec, body = setup.scene.body.uneven_friction, setup.body
     if spec is None:
         return {}
-    factor = body.friction_field.factor(rest_points(body) if isinstance(body, Body) else body.x_rest)
+    factor = body.friction_field.factor(rest_points(body) if body.has_cells else body.x_rest)
     return {"friction": f"{in_words(spec)}: {factor.min():.3g} to {factor.max():.3g} times the tools' own"}
 
 
@@ -185,7 +182,6 @@ def _added(setup: Setup, body: ParticleBody) -> dict[str, str]:
 
 def _condition(setup: Setup) -> dict[str, str]:
     """How hard XPBD is to sweep, at rest; nothing where it moves nothing, or so much that a check would wait for it."""
-    from softseam_services.body.particles import ParticleBody
     from softseam_services.pbd.condition import condition_of
     from softseam_services.pbd.particles.condition import spring_spectrum
 
@@ -196,7 +192,7 @@ def _condition(setup: Setup) -> dict[str, str]:
     if found is None:
         return {}
     told = f"number {found.spectrum.condition:.3g} of XPBD's system, in {found.substeps} substeps a step"
-    if not isinstance(body, ParticleBody) or not len(body.springs.rest):
+    if body.has_cells or not len(body.springs.rest):
         return {"condition": told}
     springs = spring_spectrum(body, scene.step / found.substeps)
     if springs.omega is None:

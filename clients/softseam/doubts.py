@@ -60,13 +60,12 @@ def doubts_of(setup: Setup, found: BodyCheck | None = None) -> list[str]:
     found  what it looks like, where that is known already
     Raises SettingError where the run would be refused.
     """
-    from softseam_services.body.body import Body
     from softseam_services.body.check import check_body
     from softseam_services.body.contact_points import is_embedded
     from softseam_services.pbd.levels import coarse_cells
 
     scene, body, tools = setup.scene, setup.body, setup.tools
-    if not isinstance(body, Body):
+    if not body.has_cells:
         size = float(np.ptp(body.x_rest, axis=0).max())
         return [*_doubts_of_scene(scene, size), *_fine_friction(scene, body.spacing, "more divisions")]
     found = check_body(body) if found is None else found

@@ -258,11 +258,10 @@ def compile_models(models: Iterable[ModelKind]) -> None:
 
 def load_first(simulation: Simulation) -> None:
     """Load what a simulation's models have compiled, so that its first step does not wait for it."""
-    from softseam_services.body.body import Body
     from softseam_services.warm_up import load_kernels
 
     for body in simulation.bodies.values():
-        if isinstance(body.body, Body):
+        if body.body.has_cells:
             for model in body.participants.sides.models.values():
                 load_kernels(model)
 

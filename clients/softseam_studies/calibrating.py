@@ -85,13 +85,12 @@ def calibrate(wishes: Wishes, console: Console) -> None:
 
 
 def _measure(scene: Scene, bundle: Bundle, tolerance: float) -> tuple[Wanted, list[Shown]]:
-    from softseam_services.body.particles import ParticleBody
     from softseam_services.calibration.measure import calibrate as measure
     from softseam_services.server import build_setup
 
     with translated():
         body = build_setup(bundle).body
-    if isinstance(body, ParticleBody):
+    if not body.has_cells:
         raise BadInput(
             f"the scene {scene.name!r} is a sheet or a rope: its springs have no Young's modulus to calibrate"
         )

@@ -18,8 +18,6 @@ from softseam_protocol.scene.file import scene_from_bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.blas import use_one_thread
 from softseam_services.bodies import AnyBody, build_any_body
-from softseam_services.body.body import Body
-from softseam_services.body.particles import ParticleBody
 from softseam_services.built import Built
 from softseam_services.orchestrator.default_model import with_model
 from softseam_services.solvers import SOLVERS
@@ -50,7 +48,7 @@ def build_setup(bundle: Bundle, name: str = ONLY_BODY) -> Setup:
     scene = scene_from_bundle(bundle).of(name)
     body = build_any_body(scene, bundle.files)
     tools = build_tools(scene, body, bundle.files)
-    if isinstance(body, Body):
+    if body.has_cells:
         check_symmetry(scene, body, tools)
     scene, why = with_model(scene, body, tools)
     return Setup(scene, body, tools, why)
@@ -62,7 +60,7 @@ def build_solver(setup: Setup, request: Configure, built: Built) -> tuple[Solver
     Raises ValueError for a model that is none, that is not solved here or cannot take the body.
     """
     model, body = request.model, setup.body
-    if isinstance(body, ParticleBody) and model not in taking("particles"):
+    if not body.has_cells and model not in taking("particles"):
         able = " and ".join(taking("particles"))
         raise ValueError(f"a {body.kind} is made of particles: the model {model!r} cannot take it, only {able} can")
     if model not in SOLVERS:

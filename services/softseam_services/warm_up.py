@@ -38,7 +38,6 @@ from softseam_protocol.messages.participant import (
 from softseam_protocol.models import FAR_DEFAULT, MODELS
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
-from softseam_services.body.body import Body
 from softseam_services.kernel_cache import compiling
 from softseam_services.server import ParticipantServer, build_setup
 from softseam_services.solvers import SOLVERS
@@ -137,7 +136,7 @@ def _ask_everything(model: str, mesh: bool) -> None:
     server.adopt(bundle, {ONLY_BODY: setup})
     ask, header = partial(_asked, server), _header
     tools, scene = setup.tools, setup.scene
-    assert isinstance(setup.body, Body)
+    assert setup.body.has_cells
     shared = np.intersect1d(setup.body.cell_nodes[0], setup.body.cell_nodes[1]).astype(np.int32)
     configured = ask(Configure(header(0), bundle, model, np.array([0], dtype=np.int32), shared))
     assert isinstance(configured, Configured)

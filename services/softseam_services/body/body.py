@@ -127,7 +127,9 @@ class Body:
     notes: tuple[str, ...] = ()
     """what the importer repaired or wants to tell"""
     made_of: ClassVar[Literal["cells"]] = "cells"
-    has_cells: ClassVar[bool] = True
+    has_cells: ClassVar[Literal[True]] = True
+    radius: ClassVar[float] = 0.0
+    """distance that tools keep from its surface [m]"""
 
     @property
     def material(self) -> Material:

@@ -10,4 +10,4 @@ from softseam_services.body.particles import ParticleBody
 def bounding_points(body: Body | ParticleBody) -> Floats:
     """Points at rest whose box is the body's (n, 3) [m]: where its surface cuts cells those of the surface, for cells'
     nodes may be outside of it; else its nodes, or particles."""
-    return rest_points(body) if isinstance(body, Body) and body.cut else body.x_rest
+    return rest_points(body) if body.cut else body.x_rest

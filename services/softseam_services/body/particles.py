@@ -103,7 +103,9 @@ class ParticleBody:
     notes: tuple[str, ...] = ()
     made_of: Literal["particles", "points"] = "particles"
     """particles: what quantities of particles are of; points: what nothing joins"""
-    has_cells: ClassVar[bool] = False
+    has_cells: ClassVar[Literal[False]] = False
+    cut: ClassVar[Literal[False]] = False
+    """as of a body in cells"""
 
     @property
     def n_nodes(self) -> int:

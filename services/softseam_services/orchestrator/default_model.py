@@ -38,7 +38,7 @@ def with_model(scene: Scene, body: AnyBody, tools: ToolSet) -> tuple[Scene, str]
     """The scene of one body with regions that name a model, and why; '' where nothing was to be decided."""
     if scene.regions.default is not None:
         return scene, ""
-    if not isinstance(body, Body):
+    if not body.has_cells:
         return _given(scene, scene.body.usual_model), ""
     implied = implied_model(scene.body, scene.models, scene.symmetry)
     if implied is not None:

@@ -201,7 +201,7 @@ def _drives(scene: Scene, bodies: Sequence[AnyBody], grips: Grips) -> list[Drive
             if not math.isfinite(min(force, limit)):
                 continue
             grip = grips.of(number)
-            if grip is None or not isinstance(grip.body, Body):
+            if grip is None or not grip.body.has_cells:
                 continue
             body, way = grip.body, grip.inward[0]
             width = float(np.ptp(bounding_points(body) @ way))
@@ -228,7 +228,7 @@ def _drives(scene: Scene, bodies: Sequence[AnyBody], grips: Grips) -> list[Drive
                 way = np.array(move) / np.linalg.norm(move)
                 assert not isinstance(spec, PlaneTool)  # it has no limit
                 near = bodies[nearest_body(bodies, [AT_REST] * len(bodies), np.array(spec.position))]
-                if not isinstance(near, Body):
+                if not near.has_cells:
                     continue
                 width = float(np.ptp(bounding_points(near) @ way))
                 stiffness = _stiffness(near, width, scene.step)

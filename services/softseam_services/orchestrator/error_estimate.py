@@ -72,7 +72,7 @@ class ErrorEstimator:
 
     def __init__(self, body: AnyBody, scene: Scene) -> None:
         self._scene = scene
-        self._body = body if isinstance(body, Body) else None
+        self._body = body if body.has_cells else None
         self._element = scene.models.fem.element
         if self._body is not None:
             octants = self._body.octant_material

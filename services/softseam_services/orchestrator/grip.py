@@ -20,7 +20,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.body.body import Body
 from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import rest_points
@@ -83,7 +82,7 @@ class Grip:
         inward = _inward(tools, index, position, orientation, about)
         uneven = inward - inward.mean(axis=0)
         points = placement.of(bounding_points(body))
-        corners, radius = placement.of(_corners(body)), 0.0 if isinstance(body, Body) else body.radius
+        corners, radius = placement.of(_corners(body)), body.radius
         reaches = [extent_along(tools, i, d, orientation[i]) for i, d in zip(index, inward, strict=True)]
         found = [
             way_to_touch(tools, i, position[i], orientation[i], d, corners) for i, d in zip(index, inward, strict=True)
@@ -160,7 +159,7 @@ def _inward(
 
 def _corners(body: AnyBody) -> Floats:
     """Of the triangles of its surface at rest (m, 3, 3) [m]; each particle of one of particles, three times."""
-    if isinstance(body, Body):
+    if body.has_cells:
         return np.asarray(rest_points(body)[body.surface.triangles])
     return np.repeat(body.x_rest[:, None], 3, axis=1)
 

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from softseam_protocol.scene.motion import ClosePhase, HoldPhase
 from softseam_protocol.scene.tools import BoxTool, MeshTool
-from softseam_services.body.body import Body
 from softseam_services.body.interpolate import rest_points
 from softseam_services.orchestrator.grips import Grips
 from softseam_services.server import Setup
@@ -23,7 +22,7 @@ def grip_sides(setup: Setup) -> str:
     scene, body, tools = setup.scene, setup.body, setup.tools
     first = next((phase for phase in scene.motion if not isinstance(phase, HoldPhase)), None)
     grip = Grips(scene, tools, [body]).first
-    if grip is None or not isinstance(first, ClosePhase) or not isinstance(body, Body):
+    if grip is None or not isinstance(first, ClosePhase) or not body.has_cells:
         return ""
     corners, said = rest_points(body)[body.surface.triangles], []
     for tool, way in zip(grip.tools, grip.inward, strict=True):

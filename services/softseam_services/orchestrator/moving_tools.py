@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_protocol.scene.scene import Scene
-from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.grips import Grips, Placed
@@ -70,7 +69,7 @@ class MovingTools:
         self._drives = Drives(scene, bodies, grips)
         self.program = Program(scene.motion, scene.step, tools, grips, self._drives.phases)
         """the scene's motion"""
-        self._particles = any(not isinstance(body, Body) for body in bodies)
+        self._particles = any(not body.has_cells for body in bodies)
         self.reset()
 
     def reset(self) -> None:

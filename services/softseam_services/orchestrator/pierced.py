@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.outcomes import Detail
-from softseam_services.body.body import Body, Ints
+from softseam_services.body.body import Ints
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.tools.clear import any_inside
@@ -106,6 +106,6 @@ def _middles(tools: ToolSet, tool: int) -> Floats:
 
 def _closed_surface(body: AnyBody) -> Ints | None:
     """Triangles of the surface that has an inside; None of sheets and ropes."""
-    if isinstance(body, Body):
+    if body.has_cells:
         return body.surface.triangles
     return body.skin.triangles if body.solid is not None else None

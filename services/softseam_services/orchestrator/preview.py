@@ -12,7 +12,6 @@ from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.recording import SurfaceMesh
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
-from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import rest_points
 from softseam_services.orchestrator.grips import Grips
@@ -48,7 +47,7 @@ def preview(scene: Scene, bodies: Mapping[str, AnyBody], tools: ToolSet) -> Prev
     """Follow the scene's motion: a closing that a force ends, or holds, is over when its tools touch."""
     header = Header(SCHEMA_VERSION, "local", "", 0, 0, 0, 0.0)
     surfaces = {name: surface_mesh(header, name, body, tools.surfaces) for name, body in bodies.items()}
-    points = np.concatenate([rest_points(each) if isinstance(each, Body) else each.x_rest for each in bodies.values()])
+    points = np.concatenate([rest_points(each) if each.has_cells else each.x_rest for each in bodies.values()])
     near = _TOUCHES * float(np.ptp(points, axis=0).max())
     grips = Grips(scene, tools, list(bodies.values()))
     program = Program(scene.motion, scene.step, tools, grips)

@@ -101,7 +101,7 @@ def share_probes(bodies: Mapping[str, AnyBody], points: Mapping[str, Vector]) ->
     shares: dict[str, dict[str, Vector]] = {name: {} for name in bodies}
     for probe, at in points.items():
         for name, body in bodies.items():
-            if isinstance(body, Body) and _holds(body, probe, at):
+            if body.has_cells and _holds(body, probe, at):
                 shares[name][probe] = at
                 break
         else:

@@ -18,7 +18,6 @@ from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import Frame
 from softseam_protocol.quantities import PROBED, QUANTITIES
 from softseam_protocol.table import Table
-from softseam_services.body.body import Body
 from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
 from softseam_services.body.tetrahedron import SHARES
@@ -46,7 +45,7 @@ class RestingBody:
     @cached_property
     def cut(self) -> bool:
         """Whether its nodes may be outside of it: its surface points tell where it is."""
-        return isinstance(self.body, Body) and self.body.cut
+        return self.body.cut
 
     @cached_property
     def tip(self) -> tuple[int, Floats]:
@@ -69,7 +68,7 @@ class RestingBody:
         """Filled at rest, of a body in cells (C, 8) [m^3]; of hexahedra of any shape, an eighth of the cell's; of
         tetrahedra, by `SHARES`."""
         body = self.body
-        assert isinstance(body, Body)  # others have no octants
+        assert body.has_cells  # others have no octants
         density = body.of_octants([material.density for material in body.materials])
         fill = body.fill * SHARES if body.tetrahedra else body.fill
         volume = body.cell_mass.sum(axis=1) / (fill * density).sum(axis=1)

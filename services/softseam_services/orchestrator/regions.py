@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from softseam_coupling.ledger import Energies
 from softseam_protocol.messages.participant import Advanced, BodyState, Bundle, Fields, ToolMotion
 from softseam_protocol.messages.session import Frame
-from softseam_services.body.body import Body
 from softseam_services.body.hardly_filled import HardlyFilled
 from softseam_services.body.interpolate import model_functions
 from softseam_services.orchestrator.clock import Clock
@@ -61,10 +59,10 @@ class Regions:
         self._name, self._scene, self._body, self._why = name, setup.scene, setup.body, setup.why
         self._clock, self._balance, self._tell = clock, balance, tell
         body = self._body
-        self.near = NearCells(self._scene, body, setup.tools) if isinstance(body, Body) else NoCells()
-        self._hardly_filled = HardlyFilled(body) if isinstance(body, Body) else None
+        self.near = NearCells(self._scene, body, setup.tools) if body.has_cells else NoCells()
+        self._hardly_filled = HardlyFilled(body) if body.has_cells else None
         self._goal = self._watch = None
-        if isinstance(body, Body) and self._scene.regions.goal is not None:
+        if body.has_cells and self._scene.regions.goal is not None:
             self._goal, self._watch = Goal(self._scene, body, setup.tools), GoalWatch(body)
         self.participants = Participants(
             bundle, setup.scene, transport, clock, tell, self._couple, partial(part_mesh, body)
@@ -85,7 +83,8 @@ class Regions:
 
     def state(self) -> BodyState:
         """The whole body, which is in cells, as it stands."""
-        return merged_state(cast(Body, self._body), self.sides, self.participants.observe())
+        assert self._body.has_cells
+        return merged_state(self._body, self.sides, self.participants.observe())
 
     def follow(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> Energies | None:
         """Let the cut follow the scene's rule after a step; the energies after a switch, None where none was made.
@@ -197,7 +196,7 @@ class Regions:
 
     def _cut_anew(self) -> Energies:
         old, fields, body = self.sides, self.participants.observe(), self._body
-        assert isinstance(body, Body)  # others are not divided
+        assert body.has_cells  # others are not divided
         state = merged_state(body, old, fields)
         cauchy = np.empty((body.n_cells, 8, 6))
         for name, side in fields.items():
@@ -229,7 +228,7 @@ class Regions:
         scene, body = self._scene, self._body
         if not len(sides.seam):
             return None
-        assert isinstance(body, Body)  # others are not divided
+        assert body.has_cells  # others are not divided
         functions = model_functions(scene.models)
         tie = tie_sides(body, sides, self.near.neighbours, functions)
         first = None
@@ -256,7 +255,7 @@ class Regions:
             frame = replace(frame, start=True)
         if not indicators:
             return frame
-        assert isinstance(self._body, Body)  # others have none
+        assert self._body.has_cells  # others have none
         return replace(frame, indicators=measure(self._body, sides, self.near.neighbours, fields))
 
 

@@ -76,7 +76,7 @@ def cut(name: str, body: AnyBody, near: Mask, near_model: str, far_model: str) -
     """Cut the body of that name into the near cells (C,) and the rest; one of particles is one part, without cells."""
     none = np.zeros(0, dtype=np.int32)
     part, other = within(name, NEAR), within(name, FAR)
-    if isinstance(body, ParticleBody):
+    if not body.has_cells:
         return Sides(name, {other: far_model}, {other: none}, {other: body.n_nodes}, none)
     cells = {part: np.flatnonzero(near).astype(np.int32), other: np.flatnonzero(~near).astype(np.int32)}
     models = {part: near_model, other: far_model}
@@ -102,7 +102,7 @@ def side_mass(body: Body, cells: Ints) -> Floats:
 
 def part_mesh(body: AnyBody, sides: Sides, name: str) -> PartMesh | None:
     """The mesh of one side; None of particles that constraints join."""
-    if isinstance(body, ParticleBody):
+    if not body.has_cells:
         return points_mesh(body) if body.made_of == "points" else None
     part = build_region(body, sides.cells[name], sides.coupling_nodes, sides.owns_points(name))
     return PartMesh(

@@ -12,7 +12,6 @@ from softseam_coupling.ledger import Energies
 from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.participant import Advanced, BodyState, Bundle, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, Frame
-from softseam_services.body.body import Body
 from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.clock import Clock
@@ -64,7 +63,7 @@ class SimulatedBody:
     ) -> None:
         self.name, self.scene, self.body = name, setup.scene, setup.body
         self._prefix, self._clock, self._tell = prefix, clock, tell
-        inelastic = isinstance(self.body, Body) and self.body.material.n_state > 0
+        inelastic = self.body.has_cells and self.body.material.n_state > 0
         self.balance = EnergyBalance(_standing(self.body), inelastic)
         self.regions = Regions(name, bundle, setup, transport, clock, self.balance, tell, joints)
         """its parts, as the rule cuts them"""
@@ -77,7 +76,7 @@ class SimulatedBody:
         self.pierced = Pierced(self.body, setup.tools, tell)
         self.creep = Creep(self.body, setup.tools, LOOK_EVERY * self.scene.step, tell)
         self._quantities = Quantities(self.body, program, self.scene.quantities, gripped)
-        self._probes = Probes(self.body, points) if isinstance(self.body, Body) else None
+        self._probes = Probes(self.body, points) if self.body.has_cells else None
         self.wants_fields = bool(points) or self._quantities.need_fields
         """whether some of its quantities need fields"""
         self.wants_indicators = self._quantities.need_indicators
@@ -186,7 +185,7 @@ class SimulatedBody:
 
     def estimate(self, position: Floats, orientation: Floats) -> ErrorEstimate | None:
         """How far the answer may be off as the body stands; None of particles."""
-        if not isinstance(self.body, Body):
+        if not self.body.has_cells:
             return None
         fields = self.participants.observe(indicators=True, own=True)
         goal = self.regions.goal_error(fields, position, orientation)
@@ -251,7 +250,7 @@ class SimulatedBody:
 
 def _standing(body: AnyBody) -> float:
     """Weight of a body in cells times the height of its centre above its lowest point, against gravity, at rest [J]."""
-    if not isinstance(body, Body):
+    if not body.has_cells:
         return 0.0
     mass = np.zeros(body.n_nodes)
     np.add.at(mass, body.cell_nodes, body.cell_mass)

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Advanced
-from softseam_services.body.body import Body
 from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.step_warnings import Tell
@@ -50,7 +49,7 @@ class Whereabouts:
         self._low, self._high = points.min(axis=0), points.max(axis=0)
         self._size = float((self._high - self._low).max())
         self._gravity = np.asarray(body.gravity)
-        solid = isinstance(body, Body) or body.kind == "tet_mesh"
+        solid = body.has_cells or body.kind == "tet_mesh"
         self._holding = [
             tool
             for tool, kind in enumerate(tools.kind)

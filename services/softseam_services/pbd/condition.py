@@ -45,7 +45,7 @@ def condition_of(
     spec = scene.models.pbd
     if spec.method != "xpbd" or 3 * len(x) > LARGEST:
         return None
-    if not isinstance(body, Body):
+    if not body.has_cells:
         numbers = particles_parameters.build_parameters(
             particles_model.build_model(body, spec), body, tools, spec, constraints_of(scene)
         )

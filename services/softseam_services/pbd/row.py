@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # which builds by this row
 
 def build(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Configured]:
     """A part of cells, or a body of particles."""
-    if isinstance(setup.body, ParticleBody):
+    if not setup.body.has_cells:
         return _build_particles(setup, setup.body, request)
     from softseam_services.pbd.model import STRUCTURES, lay_out
     from softseam_services.pbd.solver import PbdSolver

@@ -15,7 +15,6 @@ from softseam_services.body.borders import border_lines
 from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.own_shapes import cell_lines, cell_volumes, point_octants
-from softseam_services.body.particles import ParticleBody
 from softseam_services.body.tetrahedron import CORNERS
 from softseam_services.tools.tool_set import ToolSet
 
@@ -34,7 +33,7 @@ def begin(
 
 def surface_mesh(header: Header, name: str, body: AnyBody, tools: Mapping[str, ToolSurface]) -> SurfaceMesh:
     """A body's surface at rest and the cells behind it, for viewers."""
-    if isinstance(body, ParticleBody):
+    if not body.has_cells:
         rest, edges = body.skin.points(body.x_rest), np.full(3, body.spacing)
         none = np.zeros((0, 3))
         return SurfaceMesh(header, name, rest, body.skin.triangles, none, edges, np.zeros((0, 8)), dict(tools))

@@ -46,10 +46,12 @@ def build_tools(
         orientation=np.array([each.orientation for each in geometry], dtype=np.float64).reshape(-1, 4),
         geometry=geometry,
     )
-    if isinstance(body, ParticleBody):
-        check_clear_of_particles(tools, body)
-    elif body is not None:
+    if body is None:
+        return tools
+    if body.has_cells:
         check_clear(tools, body)
+    else:
+        check_clear_of_particles(tools, body)
     return tools
 
 
