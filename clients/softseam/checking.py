@@ -220,11 +220,9 @@ def _inclusion(kind: str, part: Part) -> str:
 def _hidden_viscosity(scene: Scene) -> list[str]:
     """That implicit Euler damps more than the material's viscosity, where fem has cells of it."""
     near, default = scene.regions.near, scene.regions.default
-    if not isinstance(scene.body, BodySpec) or not some_read(
-        (default, near.model if near else default), "fem.integrator"
-    ):
+    if not scene.body.has_cells or not some_read((default, near.model if near else default), "fem.integrator"):
         return []
-    time = scene.body.material.retardation_time
+    time = scene.body.cell_materials[0].retardation_time
     if time == 0.0 or scene.step < time or scene.models.fem.integrator != "implicit_euler":
         return []
     return [

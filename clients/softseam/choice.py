@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 from softseam.observation import Observation
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.session import Event, PartReport
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.scene import Scene
 
 
@@ -26,7 +25,7 @@ def choices(scene: Scene, parts: Mapping[str, PartReport], events: Iterable[Even
 
 def _of_body(scene: Scene, name: str, parts: list[PartReport], told: list[str]) -> str:
     label = scene.models.label
-    if not isinstance(scene.bodies[name], BodySpec):
+    if not scene.bodies[name].has_cells:
         return f"{label(parts[0].model)}, which moves particles"
     total = sum(part.n_cells for part in parts)
     if len(parts) == 1:

@@ -14,7 +14,6 @@ from softseam.duration import expected_duration
 from softseam.odd_motion import odd_motion
 from softseam.odd_units import odd_units
 from softseam_protocol.models import some_read
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.kinds import element_warning
 from softseam_protocol.scene.motion import ClosePhase, HoldPhase, MovePhase, OpenPhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
@@ -228,12 +227,10 @@ def _repaired_tools(tools: ToolSet) -> list[str]:
 def _locks(scene: Scene) -> list[str]:
     """That FEM's element is too stiff for the scene's material."""
     near, body = scene.regions.near, scene.body
-    if not isinstance(body, BodySpec) or not some_read(
-        (scene.regions.default, near.model if near else None), "fem.element"
-    ):
+    if not body.has_cells or not some_read((scene.regions.default, near.model if near else None), "fem.element"):
         return []
     found = element_warning(
-        scene.models.fem.element, max(material.poisson for material in body.materials), body.tetrahedral
+        scene.models.fem.element, max(material.poisson for material in body.cell_materials), body.tetrahedral
     )
     return [f"models.fem.element: {found}"] if found else []
 
@@ -265,15 +262,15 @@ def _few_substeps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
 
 def _in_vain(scene: Scene, body: Body) -> list[str]:
     """Boxes in which nothing is that they are to choose."""
-    assert isinstance(scene.body, BodySpec)
-    near = scene.regions.near
+    clamped: tuple[BoxRegion, ...] = ()
+    clamped, near = scene.body.said("fixed", clamped), scene.regions.near
     middle = body.x_rest[body.cell_nodes[:, 13]]
 
     def holds(box: BoxRegion, points: NDArray[np.float64]) -> bool:
         slack = 1e-6 * min(body.edges)
         return bool(((points >= np.array(box.min) - slack) & (points <= np.array(box.max) + slack)).all(axis=1).any())
 
-    empty = [f"body.fixed.{i}: no node" for i, box in enumerate(scene.body.fixed) if not holds(box, body.x_rest)]
+    empty = [f"body.fixed.{i}: no node" for i, box in enumerate(clamped) if not holds(box, body.x_rest)]
     boxes = near.boxes if near is not None else ()
     empty += [f"regions.near.boxes.{i}: no cell's middle" for i, box in enumerate(boxes) if not holds(box, middle)]
     spans = " .. ".join(str(end(body.x_rest, axis=0).round(6).tolist()) for end in (np.min, np.max))
@@ -283,7 +280,7 @@ def _in_vain(scene: Scene, body: Body) -> list[str]:
 def _stiffened_by_time(scene: Scene) -> list[str]:
     """A viscosity that lets nothing move while the scene lasts."""
     length = expected_duration(scene)
-    time = scene.body.material.retardation_time if isinstance(scene.body, BodySpec) else 0.0
+    time = scene.body.cell_materials[0].retardation_time if scene.body.has_cells else 0.0
     if length is None or time <= length:
         return []
     return [

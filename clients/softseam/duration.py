@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.scene.bodies import BlockShape, BodySpec, Shape
+from softseam_protocol.scene.bodies import BlockShape, BodySpec, Shape, block_of
 from softseam_protocol.scene.motion import (
     ClosePhase,
     GripPhase,
@@ -67,10 +67,10 @@ def _shape_between(scene: Scene, first: ToolSpec, second: ToolSpec) -> Shape | N
         return None
     middle = 0.5 * np.add(first.position, second.position)
     for body in scene.bodies.values():
-        if isinstance(body, BodySpec) and isinstance(body.shape, BlockShape):
-            size = np.array(body.shape.size)
-            if (np.abs(middle - body.position - [0.0, 0.0, 0.5 * size[2]]) <= 0.5 * size).all():
-                return body.shape
+        if (block := block_of(body)) is not None:
+            size = np.array(block.shape.size)
+            if (np.abs(middle - block.body.position - [0.0, 0.0, 0.5 * size[2]]) <= 0.5 * size).all():
+                return block.shape
     return None
 
 

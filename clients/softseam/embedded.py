@@ -19,7 +19,6 @@ from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Recorded, SurfaceMesh
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, StepReport
 from softseam_protocol.models import ModelKind, that
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.consistency import candidates
 from softseam_protocol.scene.file import SceneError, scene_from_bundle
 from softseam_protocol.scene.scene import Scene
@@ -233,7 +232,7 @@ def compile_first(scene: Scene) -> None:
     models: set[ModelKind] = set()
     adjoint = {*that(lambda facts: facts.gives_derivatives)}
     for name, body in scene.bodies.items():
-        if not isinstance(body, BodySpec):
+        if not body.has_cells:
             continue  # particles: few kernels, which compile in seconds
         for one in candidates(scene.of(name)):
             regions = one.regions

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from softseam.duration import expected_duration
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.motion import ClosePhase, MovePhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
 
@@ -69,10 +68,10 @@ def _odd_length(scene: Scene) -> list[str]:
 
 def _turned_linear(scene: Scene) -> list[str]:
     """That a body turns whose law knows no turns: by itself, or between tools."""
-    if not isinstance(scene.body, BodySpec) or all(material.kind != "linear" for material in scene.body.materials):
+    if all(material.kind != "linear" for material in scene.body.cell_materials):
         return []
     turns = [phase for phase in scene.motion if isinstance(phase, TurnPhase) and len(phase.tools) > 1]
-    spun = math.hypot(*scene.body.spin) * (expected_duration(scene) or 0.0)
+    spun = math.hypot(*scene.body.said("spin", ())) * (expected_duration(scene) or 0.0)
     angle = max([spun, *(math.hypot(*phase.turn) for phase in turns)])
     if angle <= _TURNED:
         return []
@@ -84,9 +83,9 @@ def _turned_linear(scene: Scene) -> list[str]:
 
 def _crushes(scene: Scene, key: str, phase: ClosePhase, size: float) -> list[str]:
     """That a grip's force is beyond what the body can bear."""
-    if not isinstance(scene.body, BodySpec):
+    if not scene.body.has_cells:
         return []
-    most = _CRUSHING * max(material.young for material in scene.body.materials) * size**2
+    most = _CRUSHING * max(material.young for material in scene.body.cell_materials) * size**2
     found = []
     for name, force in (("force", phase.force), ("until.force", phase.until.force)):
         if force is not None and force > most:

@@ -44,7 +44,7 @@ def with_model(scene: Scene, model: Model) -> Scene:
             f"e.g. --set bodies.{next(iter(scene.bodies))}.regions={{default: fem}}"
         )
     moving = taking("particles")
-    if model not in moving and not isinstance(scene.body, BodySpec):
+    if model not in moving and not scene.body.has_cells:
         raise BadInput(
             f"the scene {scene.name!r} has a {scene.body.kind}, which is made of particles: only "
             f"{' and '.join(moving)} moves it"

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.errors import BadInput, SceneRefused
-from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
+from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape, block_of
 from softseam_protocol.scene.friction_field import LARGEST_SPREAD, FrictionFieldSpec
 from softseam_protocol.scene.scene import Scene
 
@@ -100,7 +100,7 @@ class Randomise:
     @classmethod
     def nothing(cls, scene: Scene) -> Randomise:
         """Every episode as the scene is."""
-        poisson = scene.body.material.poisson if isinstance(scene.body, BodySpec) else 0.0
+        poisson = scene.body.cell_materials[0].poisson if scene.body.has_cells else 0.0
         none: dict[str, Any] = {f.name: 0.0 for f in fields(cls) if isinstance(f.default, float)}
         return cls(**none, poisson=(poisson, poisson))
 
@@ -109,11 +109,13 @@ class Randomise:
 
         In a substep [s] a shear wave must not go through more than 0.9 of a block.
         """
-        body = scene.body
-        if not isinstance(body, BodySpec) or not isinstance(body.shape, BlockShape) or body.cell is None:
+        block = block_of(scene.body)
+        if block is None or block.body.cell is None:
             return
+        body, shape = block
+        assert body.cell is not None
         cells = body.cell if isinstance(body.cell, tuple) else (body.cell,) * 3
-        edge = min(size / max(round(size / cell), 1) for size, cell in zip(body.shape.size, cells, strict=True))
+        edge = min(size / max(round(size / cell), 1) for size, cell in zip(shape.size, cells, strict=True))
         modulus = body.material.young * (1.0 + self.young) / (2.0 * (1.0 + self.poisson[0]))
         speed = math.sqrt(modulus / (body.material.density * (1.0 - self.density)))
         most = _OF_A_BLOCK * edge * (1.0 - self.size) / speed

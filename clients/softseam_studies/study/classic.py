@@ -23,7 +23,7 @@ from itertools import product
 import numpy as np
 
 from softseam_protocol.quantities import QUANTITIES
-from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.bodies import BlockShape, BodySpec, block_of
 from softseam_studies.study.configurations import Configuration, cells_named, ms
 from softseam_studies.study.frame import Counts, Frame
 
@@ -37,12 +37,12 @@ OTHER_STEPS = (2.0, 0.5)
 def classic_configurations(frame: Frame) -> list[Configuration]:
     """What a chart tries of classic PBD: nothing where the body is no block of one material, or something counts that
     only cells have."""
-    body, asked = frame.scene.body, frame.scene.quantities
-    if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)) or body.inclusions or any(body.spin):
+    block, asked = block_of(frame.scene.body), frame.scene.quantities
+    if block is None or block.body.inclusions or any(block.body.spin):
         return []
     if frame.scene.probes or any(QUANTITIES[name].of == "cells" and QUANTITIES[name].settles for name in asked):
         return []
-    found = {one.key: one for one in _tried(frame, body, body.shape)}
+    found = {one.key: one for one in _tried(frame, *block)}
     return list(found.values())
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 from softseam.step_cost import fem_step, xpbd_step
 from softseam.symmetric import PARTS
-from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.bodies import block_of
 from softseam_protocol.scene.spec import Vector
 from softseam_studies.study.frame import Counts, Frame, Grading, is_viscous
 
@@ -143,7 +143,7 @@ class Fem:
 
 def configurations(frame: Frame) -> list[Configuration]:
     """The sweep of a scene, cheapest first; cells that two parts of it ask for are taken once."""
-    if isinstance(frame.scene.body, BodySpec):
+    if frame.scene.body.has_cells:
         found = {c.key: c for c in (*_fem(frame), *_xpbd(frame), *_hybrid(frame), *_as_is(frame))}
     else:
         found = {c.key: c for c in (particles(frame, f * frame.scene.step, n) for f in (4, 2, 1) for n in SUBSTEPS)}
@@ -173,7 +173,7 @@ def _folding(
 
 def _fem(frame: Frame) -> Iterator[Configuration]:
     step, body = frame.scene.step, frame.scene.body
-    is_block = isinstance(body, BodySpec) and isinstance(body.shape, BlockShape) and frame.ball is None
+    is_block = block_of(body) is not None and frame.ball is None
 
     def folded(across: int) -> Counts:
         return frame.folding(frame.across(across))

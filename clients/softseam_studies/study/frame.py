@@ -24,7 +24,7 @@ from softseam_protocol.material_borders import (
     pieces,
     wanted_for,
 )
-from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.bodies import Block, BlockShape, BodySpec, block_of
 from softseam_protocol.scene.motion import ClosePhase, MovePhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import Vector
@@ -92,23 +92,27 @@ class Frame:
         return x, y, z
 
     @property
+    def _block(self) -> Block | None:
+        return block_of(self.scene.body)
+
+    @property
     def borders(self) -> tuple[Planes, Planes, Planes]:
         """Planes that cells end in, where materials meet or around a ball, along x, y and z [m]; none in what is no
         block."""
-        body = self.scene.body
-        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
+        if self._block is None:
             return (), (), ()
         if self.ball is not None:
             return self.ball.planes
-        return material_borders(body.shape.size, body.position, body.inclusions)
+        body, shape = self._block
+        return material_borders(shape.size, body.position, body.inclusions)
 
     @property
     def ball(self) -> Ball | None:
         """The ball that cells of a block follow."""
-        body = self.scene.body
-        if not (self.follows and isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
+        if self._block is None or not self.follows:
             return None
-        return inner_ball(body.shape.size, body.position, body.inclusions)
+        body, shape = self._block
+        return inner_ball(shape.size, body.position, body.inclusions)
 
     def refines(self, counts: Counts, first: Counts) -> bool:
         """Whether every cell of `first` is divided alike, in each piece between borders of materials."""
@@ -187,10 +191,10 @@ class Frame:
     def narrow(self) -> int | None:
         """The axis across the lines that cylinders touch the block in, where it is the same for all: these lines are
         narrow, and wander along it."""
-        even, body = self.even, self.scene.body
-        if even is None or not isinstance(body, BodySpec):
+        even = self.even
+        if even is None or self._block is None:  # of no other body it is known
             return None
-        middle = np.array(body.position) + np.array([0.0, 0.0, 0.5 * self.extent[2]])
+        middle = np.array(self._block.body.position) + np.array([0.0, 0.0, 0.5 * self.extent[2]])
         away = np.array([np.abs(np.array(_middle(tool)) - middle) for tool in self.scene.tools.values()])
         clear = away - 0.5 * self.extent
         clear[:, even] = -np.inf
@@ -201,13 +205,14 @@ class Frame:
     def idle(self) -> int | None:
         """The axis of a block of one material that every tool reaches along, from beyond one face to beyond the other,
         and that nothing clamps, pulls, moves or turns along: there free faces bulge, and no more."""
-        body, tools = self.scene.body, list(self.scene.tools.values())
-        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape) and tools):
+        tools = list(self.scene.tools.values())
+        if self._block is None or not tools:
             return None
+        body, shape = self._block
         if body.inclusions or body.fixed or any(body.spin):
             return None
-        middle = np.array(body.position) + np.array([0.0, 0.0, 0.5 * body.shape.size[2]])
-        for axis, edge in enumerate(body.shape.size):
+        middle = np.array(body.position) + np.array([0.0, 0.0, 0.5 * shape.size[2]])
+        for axis, edge in enumerate(shape.size):
             across = all(_reaches(tool, axis, middle[axis], edge) for tool in tools)
             if across and not (self.scene.gravity[axis] or body.velocity[axis] or _moves_along(self.scene, axis)):
                 return axis
@@ -238,18 +243,17 @@ class Frame:
     @property
     def edged(self) -> tuple[str, ...]:
         """Boxes whose edges will lie inside a face of the block, so that cells can end there."""
-        body = self.scene.body
-        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
+        if self._block is None:
             return ()
+        body, shape = self._block
         boxes = [name for name, tool in self.scene.tools.items() if isinstance(tool, BoxTool)]
-        return tuple(name for name in boxes if _ends_inside(self.scene, body.shape.size, body.position, name))
+        return tuple(name for name in boxes if _ends_inside(self.scene, shape.size, body.position, name))
 
     @property
     def towards(self) -> tuple[str, ...] | None:
         """Boxes to whose edges a second family of levels is graded, none for one that is to the faces and to where
         materials meet; None where cells cannot be graded, or nothing touches the body."""
-        body = self.scene.body
-        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape) and self.scene.tools):
+        if self._block is None or not self.scene.tools:
             return None
         if self.ball is not None or self.even is not None:
             return None
@@ -257,7 +261,7 @@ class Frame:
             return ()
         deep = all(
             DEEP * edge <= plane <= (1.0 - DEEP) * edge
-            for planes, edge in zip(self.edges_inside(self.edged), body.shape.size, strict=True)
+            for planes, edge in zip(self.edges_inside(self.edged), self._block.shape.size, strict=True)
             for plane in planes
         )
         return tuple(sorted(self.edged)) if deep else ()
@@ -265,15 +269,15 @@ class Frame:
     def edges_inside(self, tools: tuple[str, ...]) -> tuple[Planes, Planes, Planes]:
         """Planes along x, y and z, inside the block, that the edges of these boxes lie in [m]; none in what is no
         block."""
-        body = self.scene.body
-        if not (isinstance(body, BodySpec) and isinstance(body.shape, BlockShape)):
+        if self._block is None:
             return (), (), ()
-        x, y, z = tool_borders(body.shape.size, body.position, self.scene.tools, tools)
+        body, shape = self._block
+        x, y, z = tool_borders(shape.size, body.position, self.scene.tools, tools)
         return x.planes, y.planes, z.planes
 
     def cells(self, counts: Counts, grading: Grading = 1.0, towards: tuple[str, ...] = ()) -> tuple[str, ...]:
         """The settings that ask for these cells."""
-        own = self.scene.body.shape if isinstance(self.scene.body, BodySpec) else None
+        own = None if self._block is None else self._block.shape
         edges, asked = (self.extent / np.array(counts)).tolist(), False
         wanted = self._wanted_to_borders(counts, towards)
         if wanted is not None and towards:
@@ -282,12 +286,12 @@ class Frame:
             uneven = self.ball is not None or not all(map(are_equal, self.extent.tolist(), wanted, self.borders))
             edges, asked = (wanted, True) if uneven or grading != 1.0 else (edges, False)
         found = [f"body.cell={json.dumps(edges)}"]
-        if isinstance(own, BlockShape) and asked != (own.borders == "materials"):
+        if own is not None and asked != (own.borders == "materials"):
             found.append(f"body.shape.borders={'materials' if asked else 'even'}")
-        if isinstance(own, BlockShape) and grading != own.grading:
+        if own is not None and grading != own.grading:
             told = json.dumps(grading) if isinstance(grading, tuple) else f"{grading:g}"
             found.append(f"body.shape.grading={told}")
-        if isinstance(own, BlockShape) and towards != own.towards:
+        if own is not None and towards != own.towards:
             found.append(f"body.shape.towards={json.dumps(towards)}")
         return tuple(found)
 
@@ -350,7 +354,8 @@ def _ends_inside(scene: Scene, size: Vector, position: Vector, tool: str) -> boo
 
 def is_viscous(scene: Scene) -> bool:
     """Whether the body has a drag, or its material a retardation time, which not every integrator knows."""
-    return isinstance(scene.body, BodySpec) and (scene.body.material.retardation_time > 0.0 or scene.body.damping > 0.0)
+    body = scene.body
+    return body.has_cells and (body.cell_materials[0].retardation_time > 0.0 or body.said("damping", 0.0) > 0.0)
 
 
 def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) -> Frame:

@@ -20,7 +20,7 @@ from softseam.scenes import bundle_of
 from softseam.variants import AS_GIVEN, with_settings
 from softseam.view.colors import label
 from softseam_protocol.models import MODELS
-from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.bodies import block_of
 from softseam_protocol.scene.scene import Scene
 from softseam_studies.study.bundled import digest_of
 from softseam_studies.study.configurations import Configuration, configurations
@@ -94,7 +94,7 @@ def _found(
 ) -> Plan:
     began += _compiled(wishes)  # apart from the minutes: no run can begin before
     study = study_of(wishes.scene, wishes.settings)
-    is_mesh = isinstance(study.scene.body, BodySpec) and not isinstance(study.scene.body.shape, BlockShape)
+    is_mesh = study.scene.body.has_cells and block_of(study.scene.body) is None
     usual = MINUTES_OF_MESH if is_mesh else MINUTES
     minutes = usual if wishes.minutes is None else wishes.minutes
     names = promised(study.scene, study.names(wishes.quantities))

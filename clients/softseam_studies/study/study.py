@@ -10,7 +10,6 @@ from softseam.errors import BadInput, require_extra
 from softseam.scenes import bundle_of, bundle_with
 from softseam.variants import AS_GIVEN, with_settings
 from softseam_protocol.facts import machine
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.scene import Scene
 from softseam_studies.study.bundled import bundled
@@ -48,7 +47,7 @@ class Study:
 
     def levels(self, names: tuple[str, ...], *, fresh: bool = False) -> Levels:
         """Of its reference, in these quantities."""
-        kind = Levels if isinstance(self.scene.body, BodySpec) else ParticleLevels
+        kind = Levels if self.scene.body.has_cells else ParticleLevels
         found = kind(self.name, self.settings, self.frame, names)
         found.open(self.identity.code, fresh=fresh)
         return found

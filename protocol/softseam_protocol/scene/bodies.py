@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import (
     Discriminator,
@@ -181,6 +181,14 @@ class BodySpec(OwnRegions):
         return isinstance(self.shape, MeshShape) and self.shape.cells == "tetrahedra"
 
     @property
+    def cell_materials(self) -> tuple[MaterialSpec, ...]:
+        return self.materials
+
+    @property
+    def named_files(self) -> tuple[tuple[tuple[str, ...], str], ...]:
+        return ((("shape", "path"), self.shape.path),) if isinstance(self.shape, MeshShape) else ()
+
+    @property
     def own_lengths(self) -> tuple[float, ...]:
         return self.shape.size if isinstance(self.shape, BlockShape) else ()
 
@@ -217,3 +225,17 @@ BODIES: Table[type[OwnRegions]] = Table(
 """the specification of each kind; services have what builds it (softseam_services.bodies.DISCRETISATIONS)"""
 AnyBody = Annotated[OwnRegions, OfKind(BODIES, default="cells")]
 """a body of any kind that BODIES has"""
+
+
+class Block(NamedTuple):
+    """A body in cells that fill a box exactly."""
+
+    body: BodySpec
+    shape: BlockShape
+
+
+def block_of(body: AnyBody) -> Block | None:
+    """The body as a block of cells; None where it is another."""
+    if isinstance(body, BodySpec) and isinstance(body.shape, BlockShape):
+        return Block(body, body.shape)
+    return None

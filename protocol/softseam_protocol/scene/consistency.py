@@ -15,7 +15,6 @@ from softseam_protocol.scene.implied import implied_model
 from softseam_protocol.scene.kinds import ELEMENTS, integrator_problem
 from softseam_protocol.scene.models import CLASSIC_PBD, DampingSpec, ModelsSpec
 from softseam_protocol.scene.motion import ClosePhase, GripPhase, Phase, ReleasePhase
-from softseam_protocol.scene.particles import TetMeshBody
 from softseam_protocol.scene.regions import OwnRegions, RegionsSpec, SeamSpec
 from softseam_protocol.scene.spec import Vector, key, not_among, wrong
 from softseam_protocol.scene.tools import PlaneTool, ToolSpec
@@ -113,7 +112,7 @@ def _symmetry_is_used(scene: OneBody) -> None:
     if len({*scene.symmetry}) < len(scene.symmetry):
         raise wrong("an axis is named twice: name each once", "symmetry")
     near, fem = scene.regions.near, scene.models.fem
-    if isinstance(scene.body, BodySpec) and scene.body.tetrahedral:
+    if scene.body.tetrahedral:
         raise wrong("tetrahedra of a file are not each other's images: leave it out", "symmetry")
     if scene.body.uneven_friction is not None:
         told = "friction varies over both sides as neither's image: leave it out, or `symmetry`"
@@ -132,11 +131,11 @@ def _check_particles(scene: OneBody, body: OwnRegions, beside_cells: bool) -> No
     """Raise if the scene asks something of a body without cells that only one in cells can do."""
     _symmetry_is_used(scene)
     have = body.no_cells
-    if isinstance(body, TetMeshBody):
+    if body.held_by_friction:
         for i, phase in enumerate(scene.motion):
             if isinstance(phase, GripPhase | ReleasePhase):
                 does = "grip" if isinstance(phase, GripPhase) else "release"
-                raise wrong("a tet_mesh is held by friction: close two tools on it", "motion", i, does)
+                raise wrong(f"a {body.kind} is held by friction: close two tools on it", "motion", i, does)
     if body.said("constraints", ()) and scene.models.pbd.method == CLASSIC_PBD:
         raise wrong("classic pbd has no compliance: constraints need xpbd", *key("models.pbd.method"))
     if scene.models.pbd.method == "leapfrog":

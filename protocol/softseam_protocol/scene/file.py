@@ -17,11 +17,9 @@ from pydantic_core import ErrorDetails
 
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene import marked_yaml
-from softseam_protocol.scene.bodies import BodySpec, MeshShape
 from softseam_protocol.scene.keys import described, keys_allowed
 from softseam_protocol.scene.marked_yaml import Mark, Marked
 from softseam_protocol.scene.motion import PHASE_KEYS
-from softseam_protocol.scene.particles import TetMeshBody
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import MeshTool
 from softseam_protocol.scene.whole_file import Unreadable, whole_file
@@ -135,10 +133,7 @@ def files_of(scene: Scene) -> list[tuple[marked_yaml.Path, str]]:
     found: list[tuple[marked_yaml.Path, str]] = []
     for name, body in scene.bodies.items():
         at = ("body",) if scene.one is not None else ("bodies", name)
-        if isinstance(body, BodySpec) and isinstance(body.shape, MeshShape):
-            found.append(((*at, "shape", "path"), body.shape.path))
-        if isinstance(body, TetMeshBody) and body.path is not None:
-            found.append(((*at, "path"), body.path))
+        found += [((*at, *key), path) for key, path in body.named_files]
     found += [(("tools", name, "path"), tool.path) for name, tool in scene.tools.items() if isinstance(tool, MeshTool)]
     return found
 

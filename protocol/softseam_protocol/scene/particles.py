@@ -195,6 +195,7 @@ class RopeBody(_Particles):
 class TetMeshBody(_Particles):
     """A solid of tetrahedra from a file, or a block in cubes of five each: a particle at each corner."""
 
+    held_by_friction = True
     kind: Literal["tet_mesh"]
     path: Annotated[str, Field(min_length=1)] | None = Field(
         default=None, description="mesh file of tetrahedra, relative to the scene file; default: a block of `size`"
@@ -233,6 +234,10 @@ class TetMeshBody(_Particles):
         if n > MOST_PARTICLES:
             raise wrong(f"{n:,} particles, more than {MOST_PARTICLES:,}: give fewer divisions", "divisions")
         return self
+
+    @property
+    def named_files(self) -> tuple[tuple[tuple[str, ...], str], ...]:
+        return () if self.path is None else ((("path",), self.path),)
 
     def strain_force(self, length: float) -> float:
         return self.young * length**2

@@ -9,6 +9,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from softseam_protocol.models import FAR_DEFAULT, MODELS, NEAR_DEFAULT, ModelKind, that
 from softseam_protocol.scene.friction_field import FrictionFieldSpec
 from softseam_protocol.scene.kinds import SCHEMES
+from softseam_protocol.scene.materials import MaterialSpec
 from softseam_protocol.scene.spec import BoxRegion, Positive, RowOf, Spec, wrong
 
 Said = TypeVar("Said")
@@ -105,6 +106,8 @@ class OwnRegions(Spec):
     """particles: points that XPBD's constraints join, whose quantities it alone reports"""
     usual_model: ClassVar[ModelKind] = FAR_DEFAULT
     """where the scene names none"""
+    held_by_friction: ClassVar[bool] = False
+    """whether nothing can grip its points, but tools that close on it hold it"""
     if TYPE_CHECKING:  # the name of its row; as a field of this class it would come first in texts
         kind: str
     regions: RegionsSpec | None = Field(
@@ -127,6 +130,21 @@ class OwnRegions(Spec):
         """What it says by a key that many kinds have (position, fixed, velocity, damping); else the default."""
         found: Said = getattr(self, key, default)
         return found
+
+    @property
+    def tetrahedral(self) -> bool:
+        """Whether it is in cells that are tetrahedra of a file."""
+        return False
+
+    @property
+    def cell_materials(self) -> tuple[MaterialSpec, ...]:
+        """Its own, then those of its inclusions; none of what is not in cells."""
+        return ()
+
+    @property
+    def named_files(self) -> tuple[tuple[tuple[str, ...], str], ...]:
+        """Files that it needs: the key of each in its specification, and its path relative to the scene file."""
+        return ()
 
     @property
     def own_lengths(self) -> tuple[float, ...]:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Advanced, BodyState, Fields, PartMesh, ToolMotion
 from softseam_protocol.models import facts_of
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.kernels.turning import (
     ANGULAR,
@@ -190,9 +189,9 @@ def turn_about_one_another(
 def _keeps_momentum(scene: Scene) -> bool:
     """Whether nothing but tools and gravity acts on the body, by steps that have no memory of velocities, and its laws
     know turns."""
-    if isinstance(scene.body, BodySpec) and any(material.kind == "linear" for material in scene.body.materials):
+    if any(material.kind == "linear" for material in scene.body.cell_materials):
         return False
-    drag = scene.body.damping if isinstance(scene.body, BodySpec) else 0.0
+    drag = scene.body.said("damping", 0.0) if scene.body.has_cells else 0.0
     return drag == 0.0 and scene.models.pbd.damping.mass == 0.0 and scene.models.fem.integrator == "implicit_euler"
 
 

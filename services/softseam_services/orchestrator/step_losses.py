@@ -13,7 +13,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from softseam_protocol.models import some_read
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.models import DampingSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import AnyBody
@@ -35,7 +34,7 @@ class StepLosses:
         mass = body.total_mass
         self._least = _FALL * _G * mass * float(np.ptp(body.x_rest, axis=0).max())
         spec = scene.body
-        own = isinstance(spec, BodySpec) and any(material.retardation_time > 0.0 for material in spec.materials)
+        own = any(material.retardation_time > 0.0 for material in spec.cell_materials)
         self._damped = own or spec.said("damping", 0.0) > 0.0 or scene.models.pbd.damping != DampingSpec()
         self._static = scene.models.fem.integrator == "static"
         self._takes_substeps = some_read([scene.regions.default], "pbd.substeps")

@@ -10,7 +10,6 @@ from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import ErrorEstimate
 from softseam_protocol.models import some_read
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.kinds import element_warning
 from softseam_protocol.scene.scene import Scene
 
@@ -105,10 +104,8 @@ class ToolWarnings:
 def locking(scene: Scene) -> str:
     """That FEM's element locks with the scene's material; '' where it does not, or FEM has no part."""
     near, body = scene.regions.near, scene.body
-    if not isinstance(body, BodySpec) or not some_read(
-        (scene.regions.default, near.model if near else None), "fem.element"
-    ):
+    if not body.has_cells or not some_read((scene.regions.default, near.model if near else None), "fem.element"):
         return ""
     return element_warning(
-        scene.models.fem.element, max(material.poisson for material in body.materials), body.tetrahedral
+        scene.models.fem.element, max(material.poisson for material in body.cell_materials), body.tetrahedral
     )
