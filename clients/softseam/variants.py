@@ -7,12 +7,10 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import numpy as np
-
 from softseam.errors import BadInput, SceneRefused
 from softseam_protocol.models import MODELS, taking
 from softseam_protocol.scene import marked_yaml
-from softseam_protocol.scene.bodies import BlockShape, BodySpec
+from softseam_protocol.scene.bodies import AnyBody, block_of
 from softseam_protocol.scene.file import SceneError, scene_from_document, scene_json
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
@@ -61,7 +59,7 @@ def with_model(scene: Scene, model: Model) -> Scene:
 
 def _cut_near_tools(scene: Scene) -> Scene:
     """FEM within half a cell of tools, PBD elsewhere."""
-    edge = _longest_edge(scene.body) if isinstance(scene.body, BodySpec) else None
+    edge = _longest_edge(scene.body)
     if edge is None or not scene.tools:
         what = "its cells' size, which its file tells, is not known here" if scene.tools else "it has no tools"
         raise BadInput(
@@ -76,11 +74,12 @@ def _cut_near_tools(scene: Scene) -> Scene:
         raise BadInput(f"the scene {scene.name!r} cannot be cut into FEM and PBD: {refusal(error)}") from None
 
 
-def _longest_edge(body: BodySpec) -> float | None:
+def _longest_edge(body: AnyBody) -> float | None:
     """Of its cells [m]; of a block that names none they are a third of its least extent at most."""
-    if body.cell is not None:
-        return float(np.max(body.cell))
-    return min(body.shape.size) / 3.0 if isinstance(body.shape, BlockShape) else None
+    if body.wanted_edges:
+        return max(body.wanted_edges)
+    block = block_of(body)
+    return None if block is None else min(block.shape.size) / 3.0
 
 
 def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:

@@ -28,6 +28,7 @@ from softseam_protocol.scene.spec import Positive
 from softseam_protocol.table import MissingRow
 from softseam_services.bodies import DISCRETISATIONS, Points, Surface
 from softseam_services.body.errors import MeshError
+from softseam_services.orchestrator.sides import cut, part_mesh
 from softseam_services.tables import check_tables
 
 RADIUS, MASS = 0.004, 2e-3
@@ -122,6 +123,15 @@ FOR_CELLS = [
 def test_what_needs_cells_is_refused_by_name(changes: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"beads.* no cells"):
         scene(**changes)
+
+
+def test_a_part_of_points_has_a_mesh_without_cells() -> None:
+    """By which a model from outside knows its points, and which surface points follow them."""
+    body = beads(BeadsBody(count=2, height=0.01), {}).stand(scene(body={"kind": "beads", "count": 2, "height": 0.01}))
+    mesh = part_mesh(body, cut("body", body, np.zeros(0, dtype=bool), "pbd", "pbd"), "body.far")
+    assert mesh is not None and mesh.cell_nodes.shape == (0, 27)
+    np.testing.assert_array_equal(mesh.mass, np.full(4, MASS))
+    np.testing.assert_array_equal(mesh.x_rest[mesh.point_cell] + mesh.point_local, body.skin.points(body.x_rest))
 
 
 def test_its_keys_are_read_as_those_of_other_bodies() -> None:

@@ -110,12 +110,11 @@ class Randomise:
         In a substep [s] a shear wave must not go through more than 0.9 of a block.
         """
         block = block_of(scene.body)
-        if block is None or block.body.cell is None:
+        if block is None or not block.body.wanted_edges:
             return
         body, shape = block
-        assert body.cell is not None
-        cells = body.cell if isinstance(body.cell, tuple) else (body.cell,) * 3
-        edge = min(size / max(round(size / cell), 1) for size, cell in zip(shape.size, cells, strict=True))
+        lines = zip(shape.size, body.wanted_edges, strict=True)
+        edge = min(size / max(round(size / cell), 1) for size, cell in lines)
         modulus = body.material.young * (1.0 + self.young) / (2.0 * (1.0 + self.poisson[0]))
         speed = math.sqrt(modulus / (body.material.density * (1.0 - self.density)))
         most = _OF_A_BLOCK * edge * (1.0 - self.size) / speed

@@ -14,7 +14,6 @@ from softseam.observation import Observation
 from softseam.session import open_as_given
 from softseam_protocol.messages.outcomes import Detail, EventKind
 from softseam_protocol.messages.session import Event
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import SceneError, load_scene, parse_scene
 from softseam_protocol.scene.scene import Scene
 
@@ -146,8 +145,8 @@ class _Watch:
         if self._scale > 0.0:
             trace.created, trace.seam_work = self._created / self._scale, self._most_seam_work / self._scale
         body = self._scene.body
-        if isinstance(body, BodySpec) and body.cell is not None:
-            trace.gap = self._gap / (min(body.cell) if isinstance(body.cell, tuple) else body.cell)
+        if body.wanted_edges:
+            trace.gap = self._gap / min(body.wanted_edges)
         for event in self._events:
             if (guard := guard_of(event)) is not None:
                 self._guards[guard] = self._guards.get(guard, 0) + 1

@@ -222,10 +222,10 @@ class Frame:
     def own(self) -> Counts | None:
         """The scene's own cells; None where it leaves them to the solver."""
         body = self.scene.body
-        if not isinstance(body, BodySpec) or body.cell is None:
+        if not body.wanted_edges:
             return None
-        counts = self._counts(np.array(body.cell))
-        to_borders = isinstance(body.shape, BlockShape) and body.shape.borders == "materials"
+        counts = self._counts(np.array(body.wanted_edges))
+        to_borders = self._block is not None and self._block.shape.borders == "materials"
         return self._to_borders(counts) if to_borders else counts
 
     @property

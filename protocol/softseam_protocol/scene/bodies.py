@@ -185,6 +185,12 @@ class BodySpec(OwnRegions):
         return self.materials
 
     @property
+    def wanted_edges(self) -> tuple[float, ...]:
+        if self.cell is None:
+            return ()
+        return self.cell if isinstance(self.cell, tuple) else (self.cell,) * 3
+
+    @property
     def named_files(self) -> tuple[tuple[tuple[str, ...], str], ...]:
         return ((("shape", "path"), self.shape.path),) if isinstance(self.shape, MeshShape) else ()
 

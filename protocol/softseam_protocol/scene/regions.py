@@ -142,6 +142,11 @@ class OwnRegions(Spec):
         return ()
 
     @property
+    def wanted_edges(self) -> tuple[float, ...]:
+        """Edges along x, y and z that its cells are to have [m]; none where it leaves them open, or has no cells."""
+        return ()
+
+    @property
     def named_files(self) -> tuple[tuple[tuple[str, ...], str], ...]:
         """Files that it needs: the key of each in its specification, and its path relative to the scene file."""
         return ()
