@@ -25,8 +25,9 @@ def choices(scene: Scene, parts: Mapping[str, PartReport], events: Iterable[Even
 
 def _of_body(scene: Scene, name: str, parts: list[PartReport], told: list[str]) -> str:
     label = scene.models.label
-    if not scene.bodies[name].has_cells:
-        return f"{label(parts[0].model)}, which moves particles"
+    body = scene.bodies[name]
+    if not body.has_cells:
+        return f"{label(parts[0].model if parts else body.usual_model)}, which moves {body.made_of}"
     total = sum(part.n_cells for part in parts)
     if len(parts) == 1:
         has = f"{label(parts[0].model)} on all {total} cells"

@@ -51,7 +51,7 @@ def check_body(scene: OneBody, name: str, kinds: Collection[str]) -> None:
 
     scene  with that body alone (`Scene.of`)
     name   of the body where it is one of several; '' where it is given as `body`
-    kinds  of all bodies of the scene: cells, particles
+    kinds  of all bodies of the scene: cells, particles, points
     """
     try:
         best, *others = candidates(scene)
@@ -93,7 +93,7 @@ def fits(scene: OneBody, kinds: Collection[str]) -> bool:
 
 def _check_body(scene: OneBody, kinds: Collection[str]) -> None:
     if isinstance(scene.body, BodySpec):
-        _check_cells(scene, scene.body, "particles" in kinds)
+        _check_cells(scene, scene.body, {*kinds} != {"cells"})
     else:
         _check_particles(scene, scene.body, "cells" in kinds)
 
@@ -166,7 +166,7 @@ def _check_particles(scene: OneBody, body: OwnRegions, beside_cells: bool) -> No
             raise wrong(f"{have}: drives with a force_limit need cells", "tools", name, "force_limit")
 
 
-def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None:
+def _check_cells(scene: OneBody, body: BodySpec, beside_others: bool) -> None:
     """Raise if integrator, models, seam, symmetry and tools do not go together."""
     _symmetry_is_used(scene)
     if body.tetrahedral:
@@ -246,7 +246,7 @@ def _check_cells(scene: OneBody, body: BodySpec, beside_particles: bool) -> None
             *key("models.pbd.method"),
         )
     for i, phase in enumerate(scene.motion):
-        if isinstance(phase, GripPhase | ReleasePhase) and not beside_particles:
+        if isinstance(phase, GripPhase | ReleasePhase) and not beside_others:
             does = "grip" if isinstance(phase, GripPhase) else "release"
             raise wrong("a body in cells is held by friction: close two tools on it", "motion", i, does)
     if scene.models.fem.step_error is not None and near is not None and some_read(models, "fem.step_error"):
