@@ -39,7 +39,6 @@ class ModelFacts:
                        (`Fields.mesh_error`); 'model', what it lacks to finite elements on the same cells
                        (`Fields.model_error`); '' where it gives none
     one_side           it solves for one side of a symmetric scene
-    material_state     it knows materials with state
     cuts_steps         it takes a step in parts where it cannot take it at once: its reply's `n_substeps` counts these,
                        and is 1 else
     forces_at_end      its contact forces act as a step ends, not over the step
@@ -56,7 +55,6 @@ class ModelFacts:
     stress_at: float = OCTANT_CENTRES
     errs_by: Literal["mesh", "model", ""] = ""
     one_side: bool = False
-    material_state: bool = False
     cuts_steps: bool = False
     forces_at_end: bool = False
     gives_derivatives: bool = False
@@ -85,7 +83,6 @@ MODELS: Table[ModelFacts] = Table(
             stress_at=GAUSS_POINTS,
             errs_by="mesh",
             one_side=True,
-            material_state=True,
             cuts_steps=True,
             forces_at_end=True,
             gives_derivatives=True,

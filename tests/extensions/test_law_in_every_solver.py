@@ -21,11 +21,8 @@ import softseam
 from softseam_protocol.scene.kinds import ELEMENTS
 from softseam_protocol.scene.materials import MATERIALS, MaterialSpec
 from softseam_protocol.scene.scene import Scene
-from softseam_services.body.errors import LawError
 from softseam_services.body.materials import LAWS, Law
 
-REFUSED = LawError, softseam.SceneRefused
-TO_COME = pytest.mark.xfail(strict=True, raises=REFUSED, reason="decision 60: laws that dissipate in every solver")
 EDGE, YOUNG, FADES, TIME, STEP = 0.05, 20e3, 0.6, 0.1, 1e-3
 
 
@@ -69,10 +66,8 @@ LOWER = {"model": "fem", "boxes": [{"min": [-1, -1, -1], "max": [1, 1, EDGE / 2]
 BY_BOX = {"model": "fem", "within": 0.03, "tools": ["box"], "split": "always", "patience": 1}
 NEAR: dict[str, Any] = {"fem": None, "pbd": None, "cut": LOWER, "switched": BY_BOX}
 MODELS = {"fem": {"fem"}, "pbd": {"pbd"}, "cut": {"fem+pbd"}, "switched": {"pbd", "fem+pbd"}}
-CASES = [
-    *(("fem", element) for element in ELEMENTS),
-    *(pytest.param(regions, "hex27", marks=TO_COME) for regions in ("pbd", "cut", "switched")),
-]
+OFF = {"pbd": 2.5e-3, "switched": 4e-3}
+CASES = [*(("fem", element) for element in ELEMENTS), ("pbd", "hex27"), ("cut", "hex27"), ("switched", "hex27")]
 
 
 def scene(regions: str, element: str = "hex27") -> Scene:
@@ -97,7 +92,11 @@ def taken(sim: softseam.Session, steps: int) -> list[softseam.Observation]:
 
 @pytest.mark.parametrize(("regions", "element"), CASES)
 def test_a_held_block_relaxes_and_its_energy_is_found(regions: str, element: str) -> None:
-    """F = A E (e - g v) to .2 % while held; work = stored + material to 1 %: forces at ends of steps do .5 % more."""
+    """F = A E (e - g v) to .2 % while held; work = stored + material to 1 %: forces at ends of steps do .5 % more.
+
+    XPBD's force is the mean of its step, in which F falls by .5 %: .2 % above that at its end, and rings by .05 % more.
+    Where cells change their solver it rings by .4 % for two steps.
+    """
     with softseam.open(scene(regions, element)) as sim:
         before, kept = taken(sim, 200), sim.snapshot()
         after = taken(sim, 170)
@@ -110,14 +109,15 @@ def test_a_held_block_relaxes_and_its_energy_is_found(regions: str, element: str
     v = [*accumulate(np.maximum(strain, 0.0), lambda v, e: keep * v + (1.0 - keep) * e, initial=0.0)][1:]
     held = np.flatnonzero(strain == strain[-1])[10:]
     assert len(held) > 150 and force[held[0]] > 1.5 * force[-1]
-    np.testing.assert_allclose(force[held], (YOUNG * EDGE**2 * (strain - FADES * np.array(v)))[held], rtol=2e-3)
+    np.testing.assert_allclose(
+        force[held], (YOUNG * EDGE**2 * (strain - FADES * np.array(v)))[held], rtol=OFF.get(regions, 2e-3)
+    )
     work, material = (sum(one.energies[name] for one in seen) for name in ("tool_work", "material"))
     assert work == pytest.approx(seen[-1].energies["strain"] + material, rel=0.01) and material > 0.3 * work
     assert {"+".join(sorted({part.model for part in one.parts.values()})) for one in seen} == MODELS[regions]
 
 
 @pytest.mark.slow
-@TO_COME
 def test_a_killed_participant_goes_on_with_its_state(tmp_path: Path) -> None:
     """FEM dies in mid-relaxation and is restored: the same bits as in one process."""
     with extended(tmp_path, "import test_law_in_every_solver\ntest_law_in_every_solver.add()\n") as (where, services):

@@ -22,9 +22,14 @@ from softseam_protocol.scene.materials import MATERIALS, MaterialSpec
 from softseam_protocol.scene.regions import NearSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import Positive
+from softseam_services.body.build import build_body
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.materials import LAWS, Law
+from softseam_services.body.region import build_region
 from softseam_services.orchestrator.sides import resting_state
+from softseam_services.pbd.blocks import build_blocks, cell_layout
+from softseam_services.pbd.internal import to_blocks, to_octants
+from softseam_services.pbd.levels import build_levels
 
 
 class Relaxing(MaterialSpec):
@@ -158,8 +163,37 @@ def test_a_law_that_hardly_fades_is_the_elastic_one(element: str) -> None:
         assert found[0].energies[name] == pytest.approx(found[1].energies[name], rel=1e-4)
 
 
+PBD = {"default": "pbd"}
+FREE: dict[str, Any] = {"regions": PBD, "tools": {}, "motion": [], "quantities": [], "duration": 1.0}
 IN_HALVES = {"model": "fem", "boxes": [{"min": [-1, -1, -1], "max": [1, 1, EDGE / 2]}]}
 BESIDE_THE_ROD = {"model": "fem", "within": 0.03, "tools": ["rod"], "split": "always", "patience": 1}
+
+
+def test_blocks_of_a_law_that_hardly_fades_are_the_elastic_ones() -> None:
+    """XPBD, between plates that stick: forms and the general solve, as boxes and their own of `linear`."""
+    found = []
+    for own in ({"kind": "relaxing", "fading": 1e-9, "time": TIME}, {"kind": "linear"}):
+        body = SCENE["body"] | {"material": {"young": YOUNG, "poisson": 0.3, "density": 100} | own}
+        tools = {name: tool | {"friction": 5.0} for name, tool in SCENE["tools"].items()}
+        with softseam.open(variant(body=body, tools=tools, regions=PBD, duration=0.3)) as sim:
+            found.append(taken(sim)[-1])
+    np.testing.assert_allclose(found[0].positions, found[1].positions, atol=2e-6)
+    assert found[0].energies["strain"] == pytest.approx(found[1].energies["strain"], rel=1e-2)
+
+
+def test_octants_and_blocks_hand_over_what_they_remember() -> None:
+    """There and back: an octant's numbers, and the mean of a cell's that is one block."""
+    body = build_body(variant(), {})
+    region = build_region(body, np.arange(8, dtype=np.int32), np.zeros(0, dtype=np.int32))
+    internal = np.random.default_rng(0).normal(size=(8, 8, 9))
+    for coarse in (np.zeros(8, dtype=np.bool_), np.arange(8) < 3, np.ones(8, dtype=np.bool_)):
+        levels = build_levels(region.cell_nodes, len(region.nodes), coarse)
+        blocks = build_blocks(cell_layout(body, region), levels)
+        memory = np.zeros((blocks.n_batches, 9, 4))
+        to_blocks(blocks, coarse, internal, memory)
+        back = to_octants(blocks, coarse, memory)
+        np.testing.assert_array_equal(back[~coarse], internal[~coarse])
+        np.testing.assert_allclose(back[coarse], internal[coarse].mean(axis=1, keepdims=True).repeat(8, axis=1))
 
 
 @pytest.mark.parametrize(("near", "cuts"), [(IN_HALVES, 0), (BESIDE_THE_ROD, 2)])
@@ -239,7 +273,11 @@ def test_a_step_that_is_taken_again_leaves_nothing() -> None:
         ({"symmetry": ["y"]}, "images do not carry the state of relaxing"),
         ({"regions": {"default": "fem", "goal": "grip_force"}}, "a goal does not know the state of relaxing"),
         ({"regions": {"default": "pbd", "near": {"model": "fem", "error": 0.1}}}, "errs by is not known of relaxing"),
-        ({"regions": {"default": "pbd"}}, "pbd does not know the state of relaxing"),
+        (FREE | {"models": {"pbd": {"method": "leapfrog"}}}, "leapfrog does not know the state of relaxing"),
+        (
+            {"regions": PBD, "models": {"pbd": {"damping": {"stiffness": 1e-2}}}},
+            "do not know the state",
+        ),
     ],
 )
 def test_what_cannot_carry_state_is_refused(changes: dict[str, Any], words: str) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_protocol.messages.names import ONLY_BODY
-from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT, ModelKind, that
+from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT, ModelKind
 from softseam_protocol.scene.consistency import fits
 from softseam_protocol.scene.implied import implied_model
 from softseam_protocol.scene.regions import NearSpec
@@ -45,8 +45,8 @@ def with_model(scene: Scene, body: AnyBody, tools: ToolSet) -> tuple[Scene, str]
         kind, why = implied
         return _given(scene, kind), why
     if body.material.n_state:
-        able = that(lambda facts: facts.material_state)
-        return _given(scene, able[0]), f"only {' and '.join(able)} knows the state of {body.material.kind}"
+        why = f"{FAR_DEFAULT} solves blocks of {body.material.kind}, which has state, one by one"
+        return _given(scene, NEAR_DEFAULT), why
     one, other = NEAR_DEFAULT, FAR_DEFAULT
     fem, pbd = _given(scene, one), _given(scene, other)
     if not fits(fem, _ANY):

@@ -15,6 +15,7 @@ from .hourglass import block_constants
 from .kernels.block import MU, Constants, G
 from .kernels.form import N_FORM
 from .kernels.lanes import LANES
+from .kernels.memory import LENGTH, LOST, MEMORY, SMALL
 
 VERY_FLAT, MOSTLY = 5.0, 5.0
 """longest edge over the shortest, and a damping time in longest undamped substeps (decision 24)"""
@@ -30,11 +31,34 @@ class BlockParameters:
     """of boxes, else the shortest of all (3,) [m]"""
     constants: Constants
     padding: Floats
-    """constants of an empty block (N_FORM,); those of boxes are their material's (0,)"""
+    """constants of an empty block; those of boxes are their material's (0,)"""
     padding_x: Floats
     """rest positions of the padding's nodes (8, 3) [m]"""
     law: int
-    """number of the materials' kind in `body.materials.point`"""
+    """number of the materials' kind in `body.materials.point`; of a material with state the address of its `respond`"""
+    small: bool
+    """whether that law knows small strains only"""
+
+    @property
+    def n_state(self) -> int:
+        """Numbers that each block remembers."""
+        return max(0, self.constants.table.shape[1] - MEMORY) if self.constants.table.ndim > 2 else 0
+
+    @property
+    def dissipated(self) -> float:
+        """By the material since `hold` [J]."""
+        return float(self.constants.table[:, LOST].sum()) if self.n_state else 0.0
+
+    def hold(self, memory: Floats, length: float = 0.0) -> None:
+        """Have kernels see what the blocks remember (b, n, LANES) as a step of this length begins [s]; 0 to look."""
+        if self.n_state:
+            table = self.constants.table
+            table[:, MEMORY:], table[:, LENGTH], table[:, LOST] = memory, length, 0.0
+
+    def memory(self, memory: Floats) -> None:
+        """What they remember now, into memory (b, n, LANES)."""
+        if self.n_state:
+            memory[:] = self.constants.table[:, MEMORY:]
 
     def only(self, whole: Blocks, part: Blocks) -> BlockParameters:
         """Of some blocks, `part`, of those that this tells of, `whole`."""
@@ -45,7 +69,7 @@ class BlockParameters:
         volume = np.where(lane >= 0, self.volume.ravel()[lane], 0.0)
         if part.boxes:
             return replace(self, volume=volume, constants=Constants(self.constants.table, part.material))
-        own = self.constants.table.transpose(0, 2, 1).reshape(-1, N_FORM)
+        own = self.constants.table.transpose(0, 2, 1).reshape(-1, self.constants.table.shape[1])
         table = np.where((lane >= 0)[:, :, None], own[lane], self.padding)
         return replace(self, volume=volume, constants=_of_forms(table))
 
@@ -70,6 +94,10 @@ def build_block_parameters(blocks: Blocks, body: Body, region: Region, hourglass
             forms[mine], volume[mine] = build_forms(
                 x[mine], material, hourglass, None if weight is None else weight[mine]
             )
+        if body.material.n_state:
+            own = np.zeros((len(forms), MEMORY - N_FORM + body.material.n_state))
+            own[:, SMALL - N_FORM] = body.material.small
+            forms = np.concatenate([forms, own], axis=1)
         volume = volume[:-1] * fill
         padding = forms[-1]
         constants = _of_forms(forms[blocks.order])
@@ -79,7 +107,8 @@ def build_block_parameters(blocks: Blocks, body: Body, region: Region, hourglass
         constants=constants,
         padding=padding,
         padding_x=padding_x,
-        law=body.material.number,
+        law=body.material.respond if body.material.n_state else body.material.number,
+        small=body.material.small,
     )
 
 

@@ -31,7 +31,7 @@ class CellLayout(NamedTuple):
     parity: Ints
     """whether the cell's place in the grid is even or odd, by axis (c, 3)"""
     boxes: bool
-    """whether cells are boxes of one size"""
+    """whether cells are boxes of one size, whose blocks need no numbers of their own"""
 
 
 def cell_layout(body: Body, region: Region) -> CellLayout:
@@ -43,7 +43,7 @@ def cell_layout(body: Body, region: Region) -> CellLayout:
         filled=body.fill[cells] > 0.0,
         material=body.octant_material[cells],
         parity=body.cell_grid[cells] & 1,
-        boxes=body.boxes,
+        boxes=body.boxes and not body.material.n_state,
     )
 
 

@@ -91,6 +91,7 @@ class SeamProbe:
             reached[all_nodes[inside]] = True
         blocks = model.blocks.only(octants[inside])
         numbers = parameters.blocks.only(model.blocks, blocks)
+        self._blocks = blocks
         used = blocks.nodes < model.n_nodes
         ids = np.unique(np.concatenate([blocks.nodes[used], model.seam]))
         number = np.full(model.n_nodes + 8, -1, dtype=np.int32)
@@ -186,6 +187,7 @@ class SeamProbe:
         The probes start from rest with the exact stress at x and without loads, so that only they move anything;
         contacts stay as they are, but that what friction holds at its bound slides, and tools stand still. Equal to
         the derivative of the step up to the motion within it.
+        What blocks remember is that which `BlockParameters.hold` was given, and stays.
         Also d(x, v)/d(force) of every probed node, and last of `beyond` (3m, 2, k + 1, 3), where `keeps_ways`: forces
         on the nodes m that the seam follows, which are the seam's own where none of them hangs. The next probe
         overwrites them.
@@ -197,6 +199,9 @@ class SeamProbe:
             return np.zeros((3 * n_seam, 3 * n_seam)), self._ways
         inputs.position[:], inputs.orientation[:] = position, orientation
         find_patches(self._model.arrays, parameters.arrays, x, self._patch)
+        if parameters.blocks.n_state:
+            own = parameters.blocks.only(self._model.blocks, self._blocks).constants
+            self._numbers.constants.table[:] = own.table
         for bench in self._benches:
             np.take(self._patch, self._used, axis=0, out=bench.scratch.contacts.patch)
             np.take(x, self.ids, axis=0, out=bench.start.x)

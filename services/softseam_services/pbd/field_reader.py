@@ -8,6 +8,7 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Fields
 from softseam_services.body.body import Body, Floats, Region
 
+from .internal import to_octants
 from .kernels.energy import cell_energies
 from .kernels.pairs import place_points
 from .kernels.stress import octant_stress
@@ -32,6 +33,7 @@ class FieldReader:
         model, region, numbers = self._model, self._region, parameters.blocks
         n = model.n_nodes
         self._xw[:n, :3] = state.x
+        numbers.hold(state.memory)
         cauchy = np.zeros((len(region.cells), 8, 6))
         blocks = model.blocks
         octant_stress(self._ws, self._xw, blocks.nodes, blocks.octant, numbers.constants, numbers.law, cauchy)
@@ -62,11 +64,15 @@ class FieldReader:
             contact_tool=tool,
             cell_energy=energy,
             model_error=self._model_error(parameters, state, force, own) if indicators else np.zeros(0),
+            internal=to_octants(blocks, model.levels.coarse, state.memory),
         )
 
     def _model_error(self, parameters: PbdParameters, state: PbdState, force: Floats, bounded: bool) -> Floats:
-        """Zero where cells are no boxes, or some are one block: scenes that ask for it are refused."""
+        """Zero where cells are no boxes, or some are one block: scenes that ask for it are refused. Empty where the
+        material has state, whose error is not known."""
         model = self._model
+        if self._body.material.n_state:
+            return np.zeros(0)
         if not self._body.boxes or model.levels.ties is not None:
             return np.zeros(len(self._region.cells))
         if self._measure is None:

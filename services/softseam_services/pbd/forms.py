@@ -1,8 +1,8 @@
 """What the kernels need of blocks that are hexahedra of any shape; the equations are those of `kernels.form`.
 
 Turned by Q before all else, the nodes at rest have a diagonal G = sum b_i b_i^T: then the local solve of a material
-that does not know where its axes lie is that of a box. A linear material knows; its blocks keep the body's axes, and
-the row sums of |G| take the place of G's diagonal.
+that does not know where its axes lie is that of a box. A linear material knows, and so does one that remembers; their
+blocks keep the body's axes, and the row sums of |G| take the place of G's diagonal.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def build_forms(x: Floats, material: Material, hourglass: str, weight: Floats | 
         slopes, volume = mean_slopes(weight @ x)
         slopes = weight.transpose(0, 2, 1) @ slopes
     gram = np.einsum("nip,niq->npq", slopes, slopes)
-    if material.number != LINEAR:
+    if material.number != LINEAR and not material.n_state:
         turn = _axes(gram)
         x, slopes = x @ turn, slopes @ turn
         spread = np.einsum("nip,nip->np", slopes, slopes)

@@ -148,10 +148,10 @@ def with_damping_of(body: Body, spec: PbdSpec) -> PbdSpec:
 
 
 def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet, spec: PbdSpec) -> PbdParameters:
-    """The numbers of a region of the model's structure. Raises SettingError where the material has state."""
-    if body.material.n_state:
-        raise SettingError(f"regions: pbd does not know the state of {body.material.kind}: give all cells to fem")
+    """The numbers of a region of the model's structure. Raises SettingError for what blocks with state cannot do."""
     spec = with_damping_of(body, spec)
+    if body.material.n_state:
+        _check_memory(body.material.kind, spec)
     blocks = build_block_parameters(model.blocks, body, region, spec.hourglass)
     mass = model.levels.gathered(region.mass)
     inverse_mass = np.zeros(len(region.nodes))
@@ -190,6 +190,16 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         frequency=frequency,
         rate=rate,
     )
+
+
+def _check_memory(kind: str, spec: PbdSpec) -> None:
+    """Raise SettingError, with its key and the remedy, for what a material with state of this kind cannot do."""
+    if spec.method == "leapfrog":
+        raise SettingError(f"models.pbd.method: leapfrog does not know the state of {kind}: use xpbd")
+    if spec.damping.stiffness > 0.0:
+        raise SettingError(
+            f"models.pbd.damping.stiffness, and a retardation_time, do not know the state of {kind}: leave them out"
+        )
 
 
 def block_softness(nodes: NDArray[np.int32], inverse_mass: Floats) -> Floats:

@@ -10,6 +10,7 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
+from softseam_services.body.internal import internal_of
 from softseam_services.body.kernels.bounds import bound_points
 from softseam_services.body.turning import sums_of
 from softseam_services.request_check import problem_of, problem_of_correction
@@ -18,6 +19,7 @@ from softseam_services.tools.tool_set import ToolSet
 from . import watch
 from .compliance import SeamProbe, Ways, no_ways
 from .field_reader import FieldReader
+from .internal import to_blocks
 from .kernels import summary as k
 from .kernels.linear_correction import correct_linearly
 from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_energy
@@ -49,7 +51,8 @@ class PbdSolver:
         self._scratch = StepScratch(model, parameters, scene.step)
         self._reader = FieldReader(model, body, region, self._scratch.ws, self._scratch.arrays.xw)
         self.substeps = self._scratch.planned
-        self._committed = new_state(model.n_nodes, model.blocks.n_batches, model.n_points, model.n_tools)
+        sizes = model.n_nodes, model.blocks.n_batches, model.n_points, model.n_tools
+        self._committed = new_state(*sizes, parameters.blocks.n_state)
         self._tentative = False
         self._taken: StepResult  # what became of it
         self._probe: SeamProbe | None = None
@@ -86,6 +89,8 @@ class PbdSolver:
             thin_out(model.levels, region, parameters.mass, state.x, state.v)
         model.levels.follow(state.x, state.v)
         blocks, numbers = model.blocks, parameters.blocks
+        to_blocks(blocks, model.levels.coarse, internal_of(self._body, handed, region.cells), state.memory)
+        numbers.hold(state.memory)
         n = model.n_nodes
         xw[:n, :3] = state.x
         exact_stress(ws, xw, blocks.nodes, numbers.volume, state.stress, numbers.constants, numbers.law)
@@ -172,12 +177,13 @@ class PbdSolver:
             why=why,
             alarm_details=list(taken.notice),
             sums=sums_of(self.parameters.mass, work.x, work.v) if len(self._region.seam) else NO_TURN,
+            dissipated=taken.dissipated,
         )
 
     def _compliance(self, request: Advance) -> Floats:
         """Probe the committed state, and keep what was probed, so that a restored participant can probe it again."""
         committed, tools, ramp = self._committed, request.tools, len(request.seam_force_start) > 0
-        parts = (committed.x, committed.force, committed.lean, tools.position, tools.orientation)
+        parts = (committed.x, committed.force, committed.lean, tools.position, tools.orientation, committed.memory)
         self._probed = np.concatenate([[request.dt], *(part.ravel() for part in parts)])
         compliance, self._ways = self._probe_again(ramp)
         if ramp:
@@ -194,11 +200,13 @@ class PbdSolver:
         model = self.model
         self._probe = self._probe_for(float(self._probed[0]))
         of_points = model.n_points, model.n_tools
-        shapes = ((model.n_nodes, 3), (*of_points, 3), (*of_points, 2), (model.n_tools, 3), (model.n_tools, 4))
+        of_tools, remembered = ((model.n_tools, 3), (model.n_tools, 4)), self._committed.memory.shape
+        shapes = ((model.n_nodes, 3), (*of_points, 3), (*of_points, 2), *of_tools, remembered)
         ends = np.cumsum([1, *(int(np.prod(shape)) for shape in shapes)])
-        x, force, lean, position, orientation = (
+        x, force, lean, position, orientation, memory = (
             self._probed[ends[at] : ends[at + 1]].reshape(shape) for at, shape in enumerate(shapes)
         )
+        self.parameters.blocks.hold(memory, self._probe.dt)
         return self._probe.compliance(x, force, lean, position, orientation, ramp)
 
     def _correctable(self) -> bool:
@@ -220,6 +228,7 @@ class PbdSolver:
             self._ways = self._probe_again()[1]
         probe, work, scratch, seam = self._probe, self._scratch.next, self._scratch, self._region.seam
         assert probe is not None
+        self.parameters.blocks.hold(work.memory)
         result = self._taken.figures
         correct_linearly(
             *(self.model.arrays, self.parameters.arrays, work, self.model.seam_force(request.push)),
@@ -258,7 +267,7 @@ class PbdSolver:
     def restore(self, state: bytes) -> None:
         """Take over a snapshot of the same region; a tentative step is dropped."""
         model, t = self.model, self.model.n_tools
-        most_probed = 1 + 3 * model.n_nodes + 5 * model.n_points * t + 7 * t
+        most_probed = 1 + 3 * model.n_nodes + 5 * model.n_points * t + 7 * t + self._committed.memory.size
         self._probed = decode_state(state, self._committed, most_probed)
         self._ways = no_ways()
         if len(self._probed):

@@ -10,12 +10,14 @@ from softseam_services.body.body import Floats
 from softseam_services.jit import record
 
 from .kernels.block import N_STRESS
+from .kernels.lanes import LANES
 from .watch import N_MONITOR
 
 
 @record
 class PbdState(NamedTuple):
-    """n nodes, b batches, p points, t tools; all fields are views of `buffer`, updated in place by the step."""
+    """n nodes, b batches, p points, t tools, r numbers that a block remembers; all are views of `buffer`, updated
+    in place by the step."""
 
     buffer: Floats
     x: Floats
@@ -38,14 +40,16 @@ class PbdState(NamedTuple):
     (p, t, 2) [1]"""
     force_mean: Floats
     """contact forces, mean over the substeps of the last step (p, t, 3) [N]"""
+    memory: Floats
+    """what the material of each block remembers, for 4 lanes (b, r, 4)"""
     monitor: Floats
     """what the last step left for the monitor, see `watch` (N_MONITOR,)"""
 
 
-def new_state(n: int, b: int, p: int, t: int) -> PbdState:
-    """A zero state for n nodes, b batches, p points and t tools."""
+def new_state(n: int, b: int, p: int, t: int, r: int = 0) -> PbdState:
+    """A zero state for n nodes, b batches, p points and t tools, of blocks that remember r numbers."""
     of_points = (p, t, 3), (p, t, 3), (p, t, 2), (p, t, 2), (p, t, 3)
-    shapes = ((n, 3), (n, 3), (n, 3), (b, N_STRESS), *of_points, (N_MONITOR,))
+    shapes = ((n, 3), (n, 3), (n, 3), (b, N_STRESS), *of_points, (b, r, LANES), (N_MONITOR,))
     sizes = [int(np.prod(shape)) for shape in shapes]
     buffer = np.zeros(sum(sizes))
     ends = np.cumsum(sizes)

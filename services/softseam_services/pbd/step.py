@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.body import Floats
-from softseam_services.body.materials.point import LINEAR
 from softseam_services.body.turning import Turning, with_change
 from softseam_services.tools.edged import PATCHES
 from softseam_services.totals import Totals
@@ -66,6 +65,8 @@ class StepResult(NamedTuple):
     """on the body (t, 6) [N, N m]"""
     distance: Floats
     """of each cell from the nearest tool (c,) [m]"""
+    dissipated: float = 0.0
+    """by a material with internal state [J]"""
 
     @property
     def why(self) -> str:
@@ -82,7 +83,8 @@ class StepScratch:
         self.pair = TwoThreads(self.ws, model.blocks.colours, model.n_nodes)
         self.inputs = new_inputs(model.n_tools, len(model.seam))
         self.outputs = new_outputs(model.n_tools, len(model.cell_nodes))
-        self.next = new_state(model.n_nodes, model.blocks.n_batches, model.n_points, model.n_tools)
+        sizes = model.n_nodes, model.blocks.n_batches, model.n_points, model.n_tools
+        self.next = new_state(*sizes, parameters.blocks.n_state)
         """the state that a step fills; who keeps it puts another in its place"""
         self.parameters, self.dt = parameters, dt
         self.planned = parameters.substeps(dt)
@@ -106,7 +108,7 @@ def _free_to_turn(model: PbdModel, parameters: PbdParameters) -> Turning | None:
     """What gives a rotation back; None of a region that is held or tied, whose law knows no turns, and of explicit
     steps, which lose nothing."""
     held = ((parameters.inverse_mass == 0.0) & (parameters.mass > 0.0)).any()
-    keeps = parameters.explicit or parameters.blocks.law == LINEAR
+    keeps = parameters.explicit or parameters.blocks.small
     return None if held or keeps or len(model.seam) else Turning(parameters.mass)
 
 
@@ -154,7 +156,8 @@ def step(
         notice[Detail.SHORTER] = watch.GAINS
     to_plan = fault is watch.Fault.NONE and number == 0
     outputs = scratch.outputs
-    return work, StepResult(fault, to_plan, n_substeps, sweeps, notice, result, outputs.wrench, outputs.distance)
+    arrays, lost = (result, outputs.wrench, outputs.distance), parameters.blocks.dissipated
+    return work, StepResult(fault, to_plan, n_substeps, sweeps, notice, *arrays, lost)
 
 
 def stay(parameters: PbdParameters, state: PbdState, scratch: StepScratch) -> StepResult:
@@ -224,10 +227,12 @@ def attempt(
     _tell(model, inputs, n_substeps, scratch)
     scratch.arrays.contacts.slow[:] = _slow(parameters, work, inputs.tools, dt)
     find_patches(*arrays, work.x, scratch.arrays.contacts.patch)
+    parameters.blocks.hold(work.memory, dt)
     scratch.pair.run(
         *(n_substeps * n_sweeps, advance_step, *arrays, work, scratch.inputs, scratch.arrays, scratch.outputs),
         *(dt, n_substeps, n_sweeps),
     )
+    parameters.blocks.memory(work.memory)
     turning, result = scratch.turning, scratch.outputs.result
     alone = parameters.arrays.mass_rate == 0.0 and not scratch.outputs.wrench.any()
     if (

@@ -81,6 +81,10 @@ class Structure:
         _check(scene, body, tools)
         cells = np.arange(body.n_cells, dtype=np.int32)
         region = build_region(body, cells, np.zeros(0, dtype=np.int32))
+        if body.material.n_state:
+            raise SettingError(
+                f"body.material: many pieces do not know the state of {body.material.kind}: use an elastic one"
+            )
         model = build_model(body, region, tools, scene.models.pbd)
         parameters = build_parameters(model, body, region, tools, scene.models.pbd)
         if parameters.arrays.stiffness_time > 0.0 or parameters.arrays.tolerance > 0.0 or model.seam.size:

@@ -104,7 +104,7 @@ def parameters_of(constants):
     """The parameters of a batch's material (MAX_PARAMETERS,)."""
     if constants.ndim == 1:
         return constants[PARAMETERS:]
-    return constants[FORM_PARAMETERS:, 0].copy()
+    return constants[FORM_PARAMETERS : FORM_PARAMETERS + MAX_PARAMETERS, 0].copy()
 
 
 @lane_kernel

@@ -4,6 +4,7 @@ U = V (psi(F) + 1/2 q^T K q) with F^T q_m for q_m, P = V (dpsi/dF + sum_m q_m t_
 Local solve with the material's positive semi-definite tangent A in place of eq. (4) of `block`: as dF = -dL_P diag(G),
 (1 + V A diag(G)) dL_P = R;  with S = diag(G)^(1/2):  (1 + V S A S) y = S R,  dL_P = R - V A S y               (2)
 a symmetric, positive definite system of nine. Exact where `block`'s is an estimate, and some fifty times as dear.
+Blocks of a material with internal state have psi and P of their law's `respond`, see `memory`; its A counts as it is.
 """
 
 from __future__ import annotations
@@ -34,11 +35,12 @@ from .block import (
     write_row,
 )
 from .lanes import LANES, batch_kernel, lane_kernel
+from .memory import follow, remembers, respond, small
 from .neo_hookean import cofactors, stress_row, turned_back
 
 
 @lane_kernel
-def _fill(f, F):
+def fill(f, F):
     """F (3, 3) <- its nine values."""
     F[0, 0], F[0, 1], F[0, 2] = f[0], f[1], f[2]
     F[1, 0], F[1, 1], F[1, 2] = f[3], f[4], f[5]
@@ -49,6 +51,16 @@ def _fill(f, F):
 def _nine(P):
     """The values of P (3, 3), row by row."""
     return P[0, 0], P[0, 1], P[0, 2], P[1, 0], P[1, 1], P[1, 2], P[2, 0], P[2, 1], P[2, 2]
+
+
+@njit(cache=True, error_model="numpy")
+def to_cauchy(F, P, small, sigma):
+    """sigma (3, 3) <- P F^T/J, of small strains P [Pa]."""
+    J = F[0, 0] * (F[1, 1] * F[2, 2] - F[1, 2] * F[2, 1]) + F[0, 1] * (F[1, 2] * F[2, 0] - F[1, 0] * F[2, 2])
+    J += F[0, 2] * (F[1, 0] * F[2, 1] - F[1, 1] * F[2, 0])
+    for i in range(3):
+        for j in range(3):
+            sigma[i, j] = P[i, j] if small else (P[i, 0] * F[j, 0] + P[i, 1] * F[j, 1] + P[i, 2] * F[j, 2]) / J
 
 
 @njit(cache=True, error_model="numpy")
@@ -92,8 +104,11 @@ def project_lanes_general(ws, constants, law, kappa, hh):
         V, g = ws[lane + LANES * VOLUME], kappa * hh * ws[lane + LANES * SOFTNESS]
         at = lane + LANES * STRESS
         f, q = shape(ws, lane, k)
-        _fill(f, F)
-        point.stress(law, parameters, F, P)
+        fill(f, F)
+        if remembers(constants):
+            respond(constants, law, lane, parameters, F, P, A)
+        else:
+            point.stress(law, parameters, F, P)
         p = _nine(P)
         t = hourglass(k, turned_back(f, q))
         r0 = residual(ws, at, 0, stress_row(0, f, p, q, t, 0.0, 1.0, V))
@@ -103,7 +118,8 @@ def project_lanes_general(ws, constants, law, kappa, hh):
         r[3], r[4], r[5] = r1[0], r1[1], r1[2]
         r[6], r[7], r[8] = r2[0], r2[1], r2[2]
         root[0], root[1], root[2] = np.sqrt(g * k[G]), np.sqrt(g * k[G + 1]), np.sqrt(g * k[G + 2])
-        point.tangent(law, parameters, F, A, True)
+        if not remembers(constants):
+            point.tangent(law, parameters, F, A, True)
         solve_nine(A, root, V, r, M, y)
         square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2] + f[3] * f[3] + f[4] * f[4] + f[5] * f[5]
         square += f[6] * f[6] + f[7] * f[7] + f[8] * f[8]
@@ -126,8 +142,11 @@ def stress_lanes_general(ws, constants, law):
         k = of_lane(ws, lane, hoisted)
         V = ws[lane + LANES * VOLUME]
         f, q = shape(ws, lane, k)
-        _fill(f, F)
-        point.stress(law, parameters, F, P)
+        fill(f, F)
+        if remembers(constants):
+            respond(constants, law, lane, parameters, F, P, np.empty((9, 9)))
+        else:
+            point.stress(law, parameters, F, P)
         p = _nine(P)
         t = hourglass(k, turned_back(f, q))
         write_row(ws, lane, WANTED, 0, stress_row(0, f, p, q, t, 0.0, 1.0, V))
@@ -144,8 +163,12 @@ def energy_lanes_general(ws, constants, law):
     for lane in range(LANES):
         k = of_lane(ws, lane, hoisted)
         f, q = shape(ws, lane, k)
-        _fill(f, F)
-        energy = point.energy(law, parameters, F) + bending_energy(k, turned_back(f, q))
+        fill(f, F)
+        if remembers(constants):
+            density = respond(constants, law, lane, parameters, F, np.empty((3, 3)), np.empty((9, 9)))
+        else:
+            density = point.energy(law, parameters, F)
+        energy = density + bending_energy(k, turned_back(f, q))
         ws[lane + LANES * RATIO] = cofactors(f)[1]
         ws[lane + LANES * ENERGY] = ws[lane + LANES * VOLUME] * energy
 
@@ -155,15 +178,31 @@ def cauchy_lanes_general(ws, constants, law):
     """The first six rows of WANTED: the Cauchy stress at the centres of four blocks, xx yy zz yz xz xy [Pa]."""
     hoisted = hoist(ws, constants)
     parameters = parameters_of(constants)
-    F, sigma = np.empty((3, 3)), np.empty((3, 3))
+    F, P, sigma = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for lane in range(LANES):
         k = of_lane(ws, lane, hoisted)
         f, _ = shape(ws, lane, k)
-        _fill(f, F)
-        point.cauchy(law, parameters, F, sigma)
+        fill(f, F)
+        if remembers(constants):
+            respond(constants, law, lane, parameters, F, P, np.empty((9, 9)))
+            to_cauchy(F, P, small(constants, lane), sigma)
+        else:
+            point.cauchy(law, parameters, F, sigma)
         ws[lane + LANES * WANTED] = sigma[0, 0]
         ws[lane + LANES * (WANTED + 1)] = sigma[1, 1]
         ws[lane + LANES * (WANTED + 2)] = sigma[2, 2]
         ws[lane + LANES * (WANTED + 3)] = sigma[1, 2]
         ws[lane + LANES * (WANTED + 4)] = sigma[0, 2]
         ws[lane + LANES * (WANTED + 5)] = sigma[0, 1]
+
+
+@batch_kernel
+def remember_lanes(ws, constants, law, volume):
+    """What four blocks of these volumes (LANES,) remember once a step is solved, in their constants."""
+    hoisted = hoist(ws, constants)
+    parameters = parameters_of(constants)
+    F = np.empty((3, 3))
+    for lane in range(LANES):
+        f, _ = shape(ws, lane, of_lane(ws, lane, hoisted))
+        fill(f, F)
+        follow(constants, law, lane, parameters, F, volume[lane])

@@ -12,16 +12,18 @@ import numpy as np
 from softseam_services.jit import njit
 from softseam_services.tools.kernels import cell_distances
 
+from .block import of_batch
 from .contact import account_pairs, begin_pairs
 from .copy_rows import copy_rows
 from .damping import damping_share, note_shapes
 from .hanging import follow
 from .hold import find_held_blocks
+from .memory import begun_before, remembers
 from .monitor import batch_residuals, residual
 from .pairs import acting_weight, find_pairs, look_ahead, place_points, store_pairs
 from .relax import relax
 from .summary import LEAST_J, RESIDUAL, SEAM_WORK, STRAIN, STRETCH, TOOL_WORK, summarise
-from .sweep import batch_energies, block_forces, strain_energy
+from .sweep import batch_energies, block_forces, remember, strain_energy
 from .thread_team import done, first_range, next_range, wait_for
 from .tool_motion import tool_motions, tool_pose
 
@@ -149,6 +151,7 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
             fraction = (substep + 1) / n_substeps
             tool_pose(fraction, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
             tool_motions(pose[0], quaternion[0], pose[1], quaternion[1], motion)
+            begun_before(constants.table, dt * fraction)
             if substep > 0:
                 for s in range(len(seam_growth)):
                     i = seam[s]
@@ -180,6 +183,12 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
         if worker == 0:
             # The positions in xw stay until the next prediction, which waits for this.
             account_pairs(model, parameters, contacts, xw, 1.0 / n_substeps)
+    if len(nodes) > 0 and remembers(of_batch(constants, 0)):
+        first, end = first_range(team, before, stretch, len(nodes), worker, LEAST_BATCHES)
+        while first < end:
+            remember(ws, xw, nodes, volume, constants, law, first, end)
+            first, end = next_range(team, stretch, worker, end - first, LEAST_BATCHES)
+        before, stretch = before + len(nodes), stretch + 1
     first, end = first_range(team, before, stretch, len(nodes), worker, LEAST_BATCHES)
     applied = scratch.asked if share > 0.0 else stress
     while first < end:

@@ -25,7 +25,7 @@ from .block import (
     spread,
     store_stress,
 )
-from .general import project_lanes_general
+from .general import project_lanes_general, remember_lanes
 from .lanes import LANES, move_four
 from .laws import write_energy, write_stress
 from .linear import project_lanes_linear
@@ -120,3 +120,12 @@ def strain_energy(energies):
         total += energies[batch, 0]
         least = min(least, energies[batch, 1])
     return total, least
+
+
+@njit(cache=True, error_model="numpy")
+def remember(ws, xw, nodes, volume, constants, law, first, end):
+    """What the blocks of batches first .. end - 1 remember once a step is solved, see `memory`."""
+    for batch in range(first, end):
+        gather(ws, xw, nodes, batch)
+        k = of_batch(constants, batch)
+        remember_lanes(ws, k, law, volume[batch])
