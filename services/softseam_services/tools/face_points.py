@@ -101,7 +101,10 @@ def face_points(body: Body, region: Region, faces: Ints, functions: Functions) -
         aside[np.arange(len(local)), (np.repeat(side, PATCHES**2) // 2 + 1 + along) % 3] = _ASIDE
         for sign in (-1.0, 1.0):
             there = np.empty_like(weight)
-            fill_weights(local + sign * aside, cell, region.cell_nodes, number, indptr, node, there)
+            other, at = np.empty_like(indptr), np.empty_like(node)
+            fill_weights(local + sign * aside, cell, region.cell_nodes, number, other, at, there)
+            if functions.startswith("tet"):  # between tetrahedra of a cell, other nodes count beside a point than at it
+                there = _at_nodes(indptr, node[:count], other, at, there)
             tilt[:, along] += sign / (PATCHES * _ASIDE) * there[:count]
     return FacePoints(
         cell=cell,
@@ -114,6 +117,18 @@ def face_points(body: Body, region: Region, faces: Ints, functions: Functions) -
         weight=weight[:count].copy(),
         tilt=tilt,
     )
+
+
+def _at_nodes(indptr: Ints, node: Ints, other: Ints, at: Ints, weight: Floats) -> Floats:
+    """Weights in rows other, at as those of the entries of the rows indptr, node; what the latter lack goes to their
+    first node, so that rows sum to 1 still."""
+    found = np.zeros(len(node))
+    for row in range(len(indptr) - 1):
+        mine, theirs = slice(*indptr[row : row + 2]), slice(*other[row : row + 2])
+        same = node[mine, None] == at[None, theirs]
+        found[mine] = same @ weight[theirs]
+        found[indptr[row]] += weight[theirs].sum() - found[mine].sum()
+    return found
 
 
 def _nodes(region: Region, faces: Ints) -> Ints:
