@@ -133,7 +133,7 @@ def _is_fraction(value: ast.expr) -> bool:
 
 SOLVERS = r"softseam_services\.(fem|pbd)\b"
 COUNTS = (
-    Count("lines of the product", lines, 83_300, 66_000),
+    Count("lines of the product", lines, 83_400, 66_000),
     Count("lines of the client", lambda sources: lines(sources, "clients/softseam/"), 14_300, 13_500),
     Count("lines that name a model", matching(r'"(fem|pbd)"', r"services/softseam_services/(fem|pbd)/"), 10, 10),
     Count("lines with .near or .far", matching(r"\.(near|far)\b", SCENE_AND_VIEW), 99, 0),
