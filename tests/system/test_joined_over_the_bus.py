@@ -66,3 +66,20 @@ def test_a_tower_stands_the_same_over_the_bus(extended: Services, victim: str) -
         backend.close()
     assert first_difference(wanted, reports) == ""
     assert all(same_frame(frame, observation.frames[name]) for name, frame in frames.items())
+
+
+def test_a_tower_sleeps_the_same_over_the_bus(extended: Services) -> None:
+    """It comes to rest and sleeps: from then on no message asks for a step, and reports are those of one process."""
+    bundle = bundle_scene(tower(("fem", "pbd"), 0.001, sleep="calm"), {})
+    simulation = Simulation(bundle, EmbeddedTransport())
+    wanted = [simulation.step() for _ in range(STEPS)]
+    simulation.close()
+    assert wanted[0].parts["cube0.far"].iterations and not wanted[-1].parts["cube0.far"].iterations
+    extended.wait_well()
+    backend = ConnectedBackend(bundle, extended.endpoint, record=False, timeout=READY)
+    try:
+        backend.reset(0)
+        reports = [backend.step(1, None, False).report for _ in range(STEPS)]
+    finally:
+        backend.close()
+    assert first_difference(wanted, reports) == ""
