@@ -154,7 +154,7 @@ print(json.dumps(found))
 
 BUDGET = {
     "fem": ({"advance": 266}, 167_000),
-    "pbd": ({"advance_step": 216, "probe_seam": 188, "highest_frequency": 65}, 156_000),
+    "pbd": ({"advance_step": 222, "probe_seam": 190, "highest_frequency": 65}, 156_000),
 }
 """most functions in the largest kernels that a first start compiles (others: 55), and most instructions of all
 
