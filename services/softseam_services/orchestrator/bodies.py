@@ -125,26 +125,29 @@ class Bodies:
     def awake(self) -> dict[str, SimulatedBody]:
         """Those that do not sleep, by name."""
         asleep = self._sleeping.outcomes()
-        return {name: body for name, body in self.named.items() if name not in asleep}
+        return {name: body for name, body in self.named.items() if name not in asleep} if asleep else self.named
 
     def advance(self, motion: ToolMotion, fields: bool, then: ToolMotion | None = None) -> Solutions:
         """Take a step, all or none, in the scene's order; see `advance_all`.
 
         Raises StepFailed, ParticipantLost and ParticipantFailed.
         """
+        lone, joined = self._lone, self._joined
         self._sleeping.wake(motion)
-        self._climb()
-        taken = self._sleeping.outcomes()
-        lone = {name: island for name, island in self._lone.items() if name not in taken}
-        joined = [island for island in self._joined if island.members.keys().isdisjoint(taken)]
-        taken |= advance_all(lone, joined, self._transport, motion, fields, then)
+        asleep = self._sleeping.outcomes()
+        if self._ladders:
+            self._climb(asleep)
+        if asleep:
+            lone = {name: island for name, island in lone.items() if name not in asleep}
+            joined = [island for island in joined if island.members.keys().isdisjoint(asleep)]
+        taken = asleep | advance_all(lone, joined, self._transport, motion, fields, then)
         return {name: taken[name] for name in self.named}  # sums in one order have one rounding
 
-    def _climb(self) -> None:
-        """Let bodies go to the rungs that they are to be on in the step that begins."""
+    def _climb(self, asleep: Solutions) -> None:
+        """Let bodies that are awake go to the rungs that they are to be on in the step that begins."""
         for name, ladder in self._ladders.items():
             old = self.named[name]
-            if name in self._sleeping.outcomes():
+            if name in asleep:
                 continue
             rung = ladder.due(standing(self._clock.time, old.balance.energies))
             if rung == ladder.at:

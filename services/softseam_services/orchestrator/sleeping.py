@@ -62,6 +62,8 @@ class Sleeping:
 
     def outcomes(self) -> dict[str, Outcome]:
         """Of bodies that sleep, what they did in the last step, by name."""
+        if not self._asleep:
+            return {}
         return {name: outcome for outcomes in self._asleep.values() for name, outcome in outcomes.items()}
 
     def wake(self, motion: ToolMotion) -> None:
