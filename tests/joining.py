@@ -49,7 +49,7 @@ class Spring:
     def rows(self, x: tuple[Floats, Floats], dt: float) -> Rows:
         assert isinstance(self.spec, SpringSpec)
         a, b = (np.full((1, len(nodes)), 1.0 / len(nodes)) for nodes in self.nodes)
-        return Rows((a, b), np.zeros((1, 3)), give=np.array([1.0 / self.spec.stiffness]))
+        return Rows((a, b), np.zeros((1, 3)), compliance=np.array([1.0 / self.spec.stiffness]))
 
     def commit(self, x: tuple[Floats, Floats], multipliers: Floats, dt: float) -> None:
         self.n_steps = self.n_steps + 1.0

@@ -2,13 +2,14 @@
 
 An interface makes rows. Each row is a vector condition on the coupling nodes of two parts, a and b,
 
-    g = w_a x_a - w_b x_b - offset + give lambda = 0  (c, 3) [m]                                                (1)
+    g = w_a x_a - w_b x_b - offset + C lambda = 0     (c, 3) [m]                                                (1)
 
 and its multiplier (c, 3) [N] is the force on a; b feels what belongs to it, so that the interface does no work:
 
     f_a = +w_a^T lambda,   f_b = -w_b^T lambda                                                                  (2)
 
-A row that gives nothing is a constraint. One with a normal n presses along it only, and only where it would close:
+C is the row's own compliance; without one it is a constraint. One with a normal n is unilateral: it presses along it
+only, and only where it would close,
 
     lambda = p n,   p >= 0,   n . g >= 0,   p n . g = 0                                                         (3)
 
@@ -42,8 +43,8 @@ class Interface:
     """w_a (c, n_a) and w_b (c, n_b) [1]; None is the identity"""
     offset: Floats
     """(c, 3) [m]"""
-    give: Floats = field(default_factory=lambda: np.zeros(0))
-    """(c,) [m/N]; empty: nothing"""
+    compliance: Floats = field(default_factory=lambda: np.zeros(0))
+    """C of each row (c,) [m/N]; empty: none"""
     normal: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     """unit vectors from b to a of rows that press (c, 3) [1], zero of those that hold; empty: all hold"""
 

@@ -46,7 +46,7 @@ def rows() -> Iterator[None]:
             fit, at = (np.c_[np.ones(len(each)), (each - middle) @ axes[:2].T] for each in (face, points))
             weights = np.eye(n), at @ np.linalg.pinv(fit)
             self.normal = np.tile(axes[2], (n, 1))
-            return coupling.Rows(weights, np.zeros((n, 3)), give=np.full(n, n / FIRM), normal=self.normal)
+            return coupling.Rows(weights, np.zeros((n, 3)), compliance=np.full(n, n / FIRM), normal=self.normal)
 
         def commit(self, x: tuple[Any, Any], multipliers: Any, dt: float) -> None:
             pressed = (multipliers * self.normal).sum(axis=1)

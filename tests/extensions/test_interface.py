@@ -45,7 +45,7 @@ def rows() -> Iterator[None]:
         def rows(self, x: tuple[Any, Any], dt: float) -> Any:
             k, rate = self.spec.stiffness, self.spec.damping / dt
             offset = (k * self.rest + rate * self.stretch(*x)) / (k + rate)
-            return coupling.Rows(self.weights, offset, give=np.array([1.0 / (k + rate)]))
+            return coupling.Rows(self.weights, offset, compliance=np.array([1.0 / (k + rate)]))
 
         def commit(self, x: tuple[Any, Any], multipliers: Any, dt: float) -> None:
             self.last = self.stretch(*x)

@@ -34,18 +34,18 @@ class Meeting:
 class Rows:
     """The conditions of a step: c rows on n_a and n_b nodes,
 
-        g = w_a x_a - w_b x_b - offset + give lambda = 0,                                                         (1)
+        g = w_a x_a - w_b x_b - offset + C lambda = 0,                                                            (1)
 
-    whose multipliers lambda are forces on the first body [N]. A row that gives nothing is a constraint; one that gives
-    1/k a spring of stiffness k; one with a normal n presses the bodies apart, along n alone, where n . g would be
+    whose multipliers lambda are forces on the first body [N]. A row without compliance C is a constraint; one with
+    C = 1/k a spring of stiffness k; one with a normal n presses the bodies apart, along n alone, where n . g would be
     negative otherwise."""
 
     weights: Pair
     """w_a (c, n_a) and w_b (c, n_b) [1]"""
     offset: Floats
     """(c, 3) [m]"""
-    give: Floats = field(default_factory=lambda: _NONE)
-    """(c,) [m/N]; empty: nothing"""
+    compliance: Floats = field(default_factory=lambda: _NONE)
+    """C of each row (c,) [m/N]; empty: none"""
     normal: Floats = field(default_factory=lambda: _NO_ROWS)
     """unit vectors from the second body to the first (c, 3) [1], zero of rows that hold; empty: all hold"""
 

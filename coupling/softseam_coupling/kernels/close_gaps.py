@@ -82,10 +82,10 @@ def gap_at(table, rows, x, offset):
 
 
 @njit(cache=True, error_model="numpy")
-def _apply(table, rows, compliances, impedances, give, unknown, acted, multipliers, push, move, left):
+def _apply(table, rows, compliances, impedances, own, unknown, acted, multipliers, push, move, left):
     """What the parts do under the unknown, where these forces acted on their nodes.
 
-    Fills multipliers, push and move, and left, the change of the gaps, with what rows give under the multipliers.
+    Fills multipliers, push and move, and left, the change of the gaps, with the rows' own under the multipliers.
     """
     n_rows = len(unknown)
     multipliers[:] = unknown
@@ -119,7 +119,7 @@ def _apply(table, rows, compliances, impedances, give, unknown, acted, multiplie
                     multipliers[i] = sign * (own_push[i] - back + acted[first + i])
             _add_to_rows(part, rows, own_move, left)
     for i in range(n_rows):
-        left[i] += give[i] * multipliers[i]
+        left[i] += own[i] * multipliers[i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -128,10 +128,10 @@ def _norm(vector):
 
 
 @njit(cache=True, error_model="numpy")
-def close_gaps(table, rows, compliances, impedances, give, inverse, gap, first, acted, tolerance):
+def close_gaps(table, rows, compliances, impedances, own, inverse, gap, first, acted, tolerance):
     """Multipliers (3c,) [N], pushes [N] and moves [m] of the parts' nodes (3N,), to gaps of `tolerance` [m].
 
-    give     of all rows (3c,) [m/N]
+    own      compliance of all rows themselves (3c,) [m/N]
     inverse  of W (3c * 3c) [N/m]
     gap      of all rows, where the parts went (3c,) [m]
     first    multipliers from which the solve begins (3c,) [N]
@@ -144,7 +144,7 @@ def close_gaps(table, rows, compliances, impedances, give, inverse, gap, first, 
     for p in range(len(table)):
         if table[p, PUSHED]:
             unknown[:] = 0.0
-    _apply(table, rows, compliances, impedances, give, unknown, acted, multipliers, push, move, change)
+    _apply(table, rows, compliances, impedances, own, unknown, acted, multipliers, push, move, change)
     for i in range(n_rows):
         left[i] += change[i]
     goes_on = False
@@ -155,7 +155,7 @@ def close_gaps(table, rows, compliances, impedances, give, inverse, gap, first, 
         _multiply(inverse, 0, left, n_rows, step)
         for i in range(n_rows):
             step[i] = -step[i]
-        _apply(table, rows, compliances, impedances, give, step, nothing, multipliers, push, move, change)
+        _apply(table, rows, compliances, impedances, own, step, nothing, multipliers, push, move, change)
         after = 0.0
         for i in range(n_rows):
             after += (left[i] + change[i]) ** 2
@@ -165,7 +165,7 @@ def close_gaps(table, rows, compliances, impedances, give, inverse, gap, first, 
                 rows,
                 compliances,
                 impedances,
-                give,
+                own,
                 inverse,
                 left,
                 tolerance,
@@ -180,12 +180,12 @@ def close_gaps(table, rows, compliances, impedances, give, inverse, gap, first, 
             unknown[i] += step[i]
             left[i] += change[i]
     if goes_on:
-        _apply(table, rows, compliances, impedances, give, unknown, acted, multipliers, push, move, change)
+        _apply(table, rows, compliances, impedances, own, unknown, acted, multipliers, push, move, change)
     return multipliers, push, move
 
 
 @njit(cache=True, error_model="numpy")
-def _gmres(table, rows, compliances, impedances, give, inverse, left, tolerance, step, change, multipliers, push, move):
+def _gmres(table, rows, compliances, impedances, own, inverse, left, tolerance, step, change, multipliers, push, move):
     """The change of the unknown that closes the gaps left, and what it changes them by, into step and change.
 
     Preconditioned from the right by `inverse` (Saad and Schultz 1986, SIAM J. Sci. Stat. Comput. 7, 856-869), whose own
@@ -201,7 +201,7 @@ def _gmres(table, rows, compliances, impedances, give, inverse, left, tolerance,
     for k in range(_MOST):
         if k > 0:
             _multiply(inverse, 0, basis[k], n_rows, images[k])
-            _apply(table, rows, compliances, impedances, give, images[k], nothing, multipliers, push, move, answers[k])
+            _apply(table, rows, compliances, impedances, own, images[k], nothing, multipliers, push, move, answers[k])
         v = basis[k + 1]
         v[:] = answers[k]
         for j in range(k + 1):

@@ -1,4 +1,4 @@
-"""Projected Gauss-Seidel on a dense system, of `softseam_coupling.loops.pressing`."""
+"""Projected Gauss-Seidel on a dense system, of `softseam_coupling.loops.unilateral`."""
 
 from __future__ import annotations
 

@@ -4,8 +4,8 @@ Part p went to x_p under the force f_p. By its linear answer it goes on by
 
     dx_p = H_p e_p,   e_p = B_p^T lambda - f_p                                                                (1)
 
-and the multipliers lambda are those for which all gaps close, sum_p B_p (x_p + dx_p) + give lambda = offset, but for
-rows that press (`pressing`). A part that was solved with the impedance S of the parts beyond its interfaces does not
+and the multipliers lambda are those for which all gaps close, sum_p B_p (x_p + dx_p) + C lambda = offset, but for
+rows that press (`unilateral`). A part that was solved with the impedance S of the parts beyond its interfaces does not
 report H but Y = (H^-1 + S)^-1, its answer with them behind it. In place of its multipliers the unknown is then the push
 q that moves it on in that surrounding,
 
@@ -27,37 +27,37 @@ from numpy.typing import NDArray
 from softseam_coupling.kernels import close_gaps as kernel
 from softseam_coupling.kernels.close_gaps import close_gaps, gap_at
 from softseam_coupling.loops.coupled_part import HARDLY, CoupledPart
-from softseam_coupling.loops.pressing import Pressing
+from softseam_coupling.loops.unilateral import Unilateral
 
 Floats = NDArray[np.float64]
 
 
 class Closure:
-    """Solves for the multipliers. parts and offset (c, 3) are as of `parts_of`, give (c,) and normal (c, 3) as of
-    `give_of` and `normal_of`."""
+    """Solves for the multipliers. parts and offset (c, 3) are as of `parts_of`, compliance (c,) and normal (c, 3) as of
+    `compliance_of` and `normal_of`."""
 
-    def __init__(self, parts: dict[str, CoupledPart], offset: Floats, give: Floats, normal: Floats) -> None:
-        self._parts, self._offset, self._give = parts, offset, give
-        self._pressing = Pressing(normal) if len(normal) else None
+    def __init__(self, parts: dict[str, CoupledPart], offset: Floats, compliance: Floats, normal: Floats) -> None:
+        self._parts, self._offset, self._compliance = parts, offset, compliance
+        self._unilateral = Unilateral(normal) if len(normal) else None
         self._inverse: Floats | None = None  # of W over the parts that are not pushed
         self._flat = _Flat(parts)
 
     @property
     def presses(self) -> bool:
         """Whether any row only presses: then no part can be solved with the others behind it."""
-        return self._pressing is not None
+        return self._unilateral is not None
 
     def compliance_changed(self) -> None:
         """A part reported another compliance, or is pushed from now on."""
         self._inverse = None
 
-    def renew(self, offset: Floats, give: Floats, normal: Floats) -> None:
-        """The rows of a step begin: this is their offset, and what they give; the parts may have other weights."""
+    def renew(self, offset: Floats, compliance: Floats, normal: Floats) -> None:
+        """The rows of a step begin: this is their offset, and their compliance; the parts may have other weights."""
         changed = self._flat.renew(self._parts)
-        if changed or not np.array_equal(give, self._give):
+        if changed or not np.array_equal(compliance, self._compliance):
             self._inverse = None
-        self._offset, self._give = offset, give
-        self._pressing = Pressing(normal) if len(normal) else None
+        self._offset, self._compliance = offset, compliance
+        self._unilateral = Unilateral(normal) if len(normal) else None
 
     def save(self) -> Floats | None:
         """What of it evolves, for `restore`."""
@@ -95,7 +95,7 @@ class Closure:
         """
         w = np.asarray(sum(part.row_compliance() for part in parts))
         h = 0.5 * (w + w.T)
-        h.flat[:: len(h) + 1] += np.repeat(self._give, 3)
+        h.flat[:: len(h) + 1] += np.repeat(self._compliance, 3)
         h.flat[:: len(h) + 1] += HARDLY * np.trace(h) / len(h)
         try:
             np.linalg.cholesky(h)
@@ -113,13 +113,13 @@ class Closure:
         return np.asarray(gap.reshape(-1, 3))
 
     def left(self, gap: Floats, multipliers: Floats) -> Floats:
-        """What is left of the gaps (c, 3) [m] beside what rows give under these multipliers (c, 3) [N]."""
-        left = gap + self._give[:, None] * multipliers
-        return left if self._pressing is None else self._pressing.left(left, multipliers)
+        """What is left of the gaps (c, 3) [m] beside the compliance of rows under these multipliers (c, 3) [N]."""
+        left = gap + self._compliance[:, None] * multipliers
+        return left if self._unilateral is None else self._unilateral.left(left, multipliers)
 
     def allowed(self, multipliers: Floats) -> Floats:
         """The multipliers (c, 3) [N] without what rows that press cannot do."""
-        return multipliers if self._pressing is None else self._pressing.allowed(multipliers)
+        return multipliers if self._unilateral is None else self._unilateral.allowed(multipliers)
 
     def target(self, name: str, x: dict[str, Floats]) -> Floats:
         """Where a part's nodes belong by the places of all others (n, 3) [m]; its rows are the identity."""
@@ -138,31 +138,31 @@ class Closure:
         acted  force that acted on them (n, 3) [N]
         first  multipliers from which the solve begins (c, 3) [N]
         """
-        if self._pressing is not None:
-            return self._press(self._pressing, gap, acted)
+        if self._unilateral is not None:
+            return self._press(self._unilateral, gap, acted)
         if self._inverse is None:
             self._inverse = self._invert([part for part in self._parts.values() if not part.pushed])
         flat = self._flat
         flat.copy(self._parts)
         forces = np.concatenate([acted[name] for name in self._parts])
         multipliers, push, move = close_gaps(
-            *(flat.table, flat.rows, flat.compliances, flat.impedances, np.repeat(self._give, 3)),
+            *(flat.table, flat.rows, flat.compliances, flat.impedances, np.repeat(self._compliance, 3)),
             self._inverse.reshape(-1),
             *(gap.reshape(-1), first.reshape(-1), forces.reshape(-1), tolerance),
         )
         return multipliers.reshape(-1, 3), flat.by_part(push), flat.by_part(move)
 
     def _press(
-        self, pressing: Pressing, gap: Floats, acted: dict[str, Floats]
+        self, unilateral: Unilateral, gap: Floats, acted: dict[str, Floats]
     ) -> tuple[Floats, dict[str, Floats], dict[str, Floats]]:
         """As `solve`, where some rows press."""
-        w = np.diag(np.repeat(self._give, 3))
+        w = np.diag(np.repeat(self._compliance, 3))
         free = gap
         for name, part in self._parts.items():
             w += part.row_compliance()
             free = free - part.to_rows(part.move(acted[name]))
         w.flat[:: len(w) + 1] += HARDLY * np.trace(w) / len(w)
-        multipliers = pressing.solve(w, free)
+        multipliers = unilateral.solve(w, free)
         pushes = {name: part.force(multipliers) - acted[name] for name, part in self._parts.items()}
         return multipliers, pushes, {name: part.move(pushes[name]) for name, part in self._parts.items()}
 

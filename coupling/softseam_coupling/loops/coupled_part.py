@@ -16,7 +16,7 @@ from softseam_coupling.interface import Interface
 
 Floats = NDArray[np.float64]
 
-__all__ = ["HARDLY", "CoupledPart", "gap_of", "give_of", "normal_of", "parts_of"]
+__all__ = ["HARDLY", "CoupledPart", "compliance_of", "gap_of", "normal_of", "parts_of"]
 
 _NONE = np.zeros((0, 0))
 HARDLY = 1e-6
@@ -114,9 +114,9 @@ def parts_of(interfaces: tuple[Interface, ...], n_nodes: dict[str, int]) -> tupl
     return {name: CoupledPart(b, _sign(b)) for name, b in rows.items()}, offset
 
 
-def give_of(interfaces: tuple[Interface, ...]) -> Floats:
-    """What all rows give, in the order of the interfaces (c,) [m/N]."""
-    return np.concatenate([one.give if len(one.give) else np.zeros(one.n_rows) for one in interfaces])
+def compliance_of(interfaces: tuple[Interface, ...]) -> Floats:
+    """The compliance of all rows, in the order of the interfaces (c,) [m/N]."""
+    return np.concatenate([one.compliance if len(one.compliance) else np.zeros(one.n_rows) for one in interfaces])
 
 
 def normal_of(interfaces: tuple[Interface, ...]) -> Floats:

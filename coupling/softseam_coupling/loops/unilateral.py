@@ -20,7 +20,7 @@ from softseam_coupling.kernels.sweep import sweep
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-__all__ = ["Pressing"]
+__all__ = ["Unilateral"]
 
 _MOST = 50
 """solves before rows are swept"""
@@ -29,7 +29,7 @@ _SETTLED = 1e-12
 """change of a sweep, relative to the largest multiplier, at which sweeps end [1]"""
 
 
-class Pressing:
+class Unilateral:
     """Of rows of which some press. normal (c, 3), zero of those that hold."""
 
     def __init__(self, normal: Floats) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from softseam_coupling.loops import pressing
-from softseam_coupling.loops.pressing import Pressing
+from softseam_coupling.loops import unilateral
+from softseam_coupling.loops.unilateral import Unilateral
 
 Floats = NDArray[np.float64]
 
@@ -25,9 +25,9 @@ def system(rng: np.random.Generator, n_rows: int, n_hold: int) -> tuple[Floats, 
 @pytest.mark.parametrize("seed", range(8))
 def test_rows_press_or_are_open_and_the_others_hold(seed: int, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """By active sets, and by sweeps alone."""
-    monkeypatch.setattr(pressing, "_MOST", most)
+    monkeypatch.setattr(unilateral, "_MOST", most)
     normal, w, q = system(np.random.default_rng(seed), 9, 3)
-    found = Pressing(normal).solve(w, q)
+    found = Unilateral(normal).solve(w, q)
     left = q + (w @ found.reshape(-1)).reshape(-1, 3)
     size, presses = np.abs(q).max(), normal.any(axis=1)
     assert np.abs(left[~presses]).max() < 1e-8 * size
@@ -38,13 +38,13 @@ def test_rows_press_or_are_open_and_the_others_hold(seed: int, most: int, monkey
 
 
 def test_what_pulls_or_goes_across_is_not_allowed() -> None:
-    one = Pressing(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]))
+    one = Unilateral(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]))
     forces = np.array([[1.0, 2.0, 3.0], [1.0, 0.0, -3.0], [1.0, 2.0, -3.0]])
     np.testing.assert_array_equal(one.allowed(forces), [[0, 0, 3], [0, 0, 0], [1, 2, -3]])
 
 
 def test_what_is_left_of_an_open_row_is_what_overlaps() -> None:
-    one = Pressing(np.tile([0.0, 0.0, 1.0], (3, 1)))
+    one = Unilateral(np.tile([0.0, 0.0, 1.0], (3, 1)))
     gaps = np.array([[5.0, 0.0, 0.1], [0.0, 0.0, 0.2], [0.0, 0.0, -0.3]])
     forces = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     np.testing.assert_array_equal(one.left(gaps, forces), [[0, 0, 0.1], [0, 0, 0], [0, 0, -0.3]])
