@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import joining
@@ -17,8 +18,10 @@ from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.interfaces import INTERFACES
 from softseam_protocol.scene.scene import Scene
+from softseam_services.orchestrator.archive import ArchiveError
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.orchestrator.saved_state import SavedState
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.transport import ParticipantLost
 
@@ -227,3 +230,24 @@ def test_bodies_that_swing_about_one_another_keep_their_turning(models: tuple[st
     size = float(np.linalg.norm(reports[0].angular_momentum))
     drift = np.array([report.angular_momentum - reports[0].angular_momentum for report in reports])
     assert np.abs(drift).max() < 1e-6 * size
+
+
+def test_a_state_that_is_refused_changes_nothing() -> None:
+    """Of bodies that sleep, with tools of another scene: refused last of all, it leaves those that move awake, and the
+    run goes on with the same bits."""
+    bundle = bundle_scene(tower(("fem", "pbd"), 0.002, sleep="calm"), {})
+    one, other = Simulation(bundle, EmbeddedTransport()), Simulation(bundle, EmbeddedTransport())
+    while one.step().parts["cube0.far"].iterations:
+        pass
+    saved = SavedState.unpack(one.save())
+    broken = replace(saved, tools=replace(saved.tools, drives=np.zeros((7, 3))))
+    for simulation in (one, other):
+        simulation.reset()
+        for _ in range(6):
+            simulation.step()
+    with pytest.raises(ArchiveError):
+        one.load(broken.pack())
+    for _ in range(5):
+        mine, wanted = one.step(), other.step()
+        assert mine.energy == wanted.energy and mine.parts["cube0.far"].iterations
+        np.testing.assert_array_equal(mine.wrench, wanted.wrench)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from softseam_coupling.islands import islands_of
+from softseam_coupling.ladder import Standing
 from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.names import prefix
 from softseam_protocol.messages.participant import Bundle, ToolMotion
@@ -17,7 +18,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.islands import advance_all
 from softseam_services.orchestrator.joined_bodies import Between, JoinedBodies, interfaces_of, joints_of
-from softseam_services.orchestrator.ladder import Ladder, standing
+from softseam_services.orchestrator.ladder import Ladder
 from softseam_services.orchestrator.probes import share_probes
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.saved_state import SavedBodies
@@ -149,7 +150,8 @@ class Bodies:
             old = self.named[name]
             if name in asleep:
                 continue
-            rung = ladder.due(standing(self._clock.time, old.balance.energies))
+            energies = old.balance.energies
+            rung = ladder.due(Standing(self._clock.time, energies.kinetic, energies.strain))
             if rung == ladder.at:
                 continue
             kept = old.participants.keep()
@@ -197,12 +199,12 @@ class Bodies:
         )
 
     def check(self, saved: SavedBodies) -> None:
-        """Raise KeyError, ValueError or IndexError where a state is not these bodies'; changes only which sleep."""
+        """Raise KeyError, ValueError or IndexError where a state is not these bodies'; changes nothing."""
         for name, body in self._standing(saved).items():
             body.check(saved.named[name])
         for island in self._joined:
             island.check(saved.joined[island.name])
-        self._sleeping.load(saved.sleeping)
+        self._sleeping.read(saved.sleeping)
 
     def load(self, saved: SavedBodies) -> None:
         """Continue from `save`, once that is checked, and after the clock."""
@@ -214,6 +216,7 @@ class Bodies:
             body.load(saved.named[name])
         for island in self._joined:
             island.load(saved.joined[island.name])
+        self._sleeping.load(saved.sleeping)
 
     def _standing(self, saved: SavedBodies) -> dict[str, SimulatedBody]:
         """The bodies on the rungs that were saved."""

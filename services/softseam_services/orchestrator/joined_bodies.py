@@ -123,11 +123,15 @@ class JoinedBodies:
         self._loop.begin(self._able())
 
     def _tie(self) -> None:
+        self._loop = self._loop_of(self._rows(self._clock.dt))
+
+    def _loop_of(self, interfaces: tuple[Interface, ...]) -> OneWay:
+        """A loop that knows nothing of the parts yet."""
         cell = min(self._bodies[name].resolution for name in self.members)
         seam = self._scene.seam
-        self._loop = OneWay(
+        return OneWay(
             LoopSetup(
-                interfaces=self._rows(self._clock.dt),
+                interfaces=interfaces,
                 mobility={self._part(name): self._mobility[name] for name in self.members},
                 tolerance=seam.tolerance * cell,
                 cell=cell,
@@ -306,11 +310,19 @@ class JoinedBodies:
 
     def check(self, arrays: Mapping[str, Floats]) -> None:
         """Raise KeyError or ValueError where a state is not this island's; changes nothing."""
-        now = self._arrays()
+        kinds = {name: between.kind.save() for name, between in self._interfaces.items()}
+        for name, nodes in self._joints.items():
+            if arrays[f"x.{name}"].shape != (len(nodes), 3):
+                raise ValueError(f"the saved interfaces do not act on {len(nodes)} nodes of {name!r}")
+            BodyTurn().take(arrays[f"turn.{name}"])
+        Subdivision().take(arrays["pace"].tolist())
+        self._loop_of(self._rows(self._clock.dt)).take(_named(arrays, "loop."))
         try:
-            self._take(arrays)
+            for name, between in self._interfaces.items():
+                between.kind.load(_named(arrays, f"interface.{name}."))
         finally:
-            self._take(now)
+            for name, between in self._interfaces.items():
+                between.kind.load(kinds[name])
 
     def load(self, arrays: Mapping[str, Floats]) -> None:
         """Continue from `save`, after the bodies. Raises KeyError or ValueError where it is of others."""
@@ -326,11 +338,8 @@ class JoinedBodies:
         return found | {"pace": np.array(self._pace.to_list(), dtype=np.float64)}
 
     def _take(self, arrays: Mapping[str, Floats]) -> None:
-        for name, nodes in self._joints.items():
-            x = np.array(arrays[f"x.{name}"])
-            if x.shape != (len(nodes), 3):
-                raise ValueError(f"the saved interfaces act on {len(x)} nodes of {name!r} in place of {len(nodes)}")
-            self._x[name] = x
+        for name in self._joints:
+            self._x[name] = np.array(arrays[f"x.{name}"])
         for name, turn in self._turns.items():
             turn.take(arrays[f"turn.{name}"])
         for name, between in self._interfaces.items():

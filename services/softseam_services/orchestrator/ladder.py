@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.ladder import RUNGS, Discretised, Rung, Standing
-from softseam_coupling.ledger import Energies
 from softseam_protocol.messages.participant import BodyState, Bundle
 from softseam_protocol.scene.bodies import AnyBody as AnyBodySpec
 from softseam_protocol.scene.file import bundle_scene
@@ -85,11 +84,6 @@ class Ladder:
         after = Discretised(new.x_rest, _mass(new), new.x_rest, np.zeros_like(new.x_rest))
         x, v = self._rungs[rung].carry(before, after)
         return BodyState(x, v, np.zeros((new.n_points, 3)), np.full(new.n_points, -1, dtype=np.int32))
-
-
-def standing(time: float, energies: Energies) -> Standing:
-    """A body after a step that it ended with these energies."""
-    return Standing(time, energies.kinetic, energies.strain)
 
 
 def _mass(body: AnyBody) -> Floats:

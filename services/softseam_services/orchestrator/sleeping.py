@@ -123,6 +123,13 @@ class Sleeping:
 
     def load(self, entries: Mapping[str, NDArray[np.generic]]) -> None:
         """Continue from `save`. Raises KeyError or ValueError, and changes nothing, where it is of other islands."""
+        self._asleep, self._calm = self.read(entries)
+
+    def read(
+        self, entries: Mapping[str, NDArray[np.generic]]
+    ) -> tuple[dict[tuple[str, ...], dict[str, Outcome]], dict[tuple[str, ...], int]]:
+        """What `save` saved: the islands that sleep with what their bodies did, and the calm steps of all. Raises
+        KeyError or ValueError where it is of other islands."""
         calm = [int(steps) for steps in entries["calm"].astype(np.int64)]
         if len(calm) != len(self._islands):
             raise ValueError(f"it is of {len(calm)} islands")
@@ -139,7 +146,7 @@ class Sleeping:
             found[body] = Outcome(replies, multipliers, float(gap[0]), 0)
         asleep = [island for island in self._islands if any(name in found for name in island)]
         sleepers = {island: {name: found[name] for name in island} for island in asleep}
-        self._asleep, self._calm = sleepers, dict(zip(self._islands, calm, strict=True))
+        return sleepers, dict(zip(self._islands, calm, strict=True))
 
 
 def _reason(island: Island) -> str:
