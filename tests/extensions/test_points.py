@@ -9,17 +9,10 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-from matplotlib.image import imread
 from pydantic import Field
 from rich.console import Console
 
-import softseam
 from softseam.checking import check_scene
-from softseam.embedded import resimulate
-from softseam.recording import Recording
-from softseam.replay import verify
-from softseam.report import ReportBuilder
-from softseam.view.snapshots import draw_snapshots
 from softseam_protocol.scene.bodies import BODIES
 from softseam_protocol.scene.file import SceneError, parse_scene
 from softseam_protocol.scene.regions import OwnRegions
@@ -70,33 +63,6 @@ def scene(**changes: Any) -> Scene:
     body = {"kind": "beads", "count": 4, "height": RADIUS + 0.001}
     data = {"softseam": 1, "name": "beads", "step": 5e-3, "duration": 0.2, "body": body}
     return Scene.model_validate(data | {"tools": {"ground": {"kind": "plane"}}} | changes)
-
-
-def test_beads_are_weighed_drawn_recorded_and_replayed(tmp_path: Path) -> None:
-    """The ground carries their weight to 1 %, a radius below their middles. A replay is the run, bit for bit."""
-    with softseam.open(scene(), record=tmp_path / "beads.mcap") as sim:
-        seen = sim.run(fields=True)
-    assert seen.wrench["ground"][2] == pytest.approx(-16 * MASS * 9.81, rel=0.01)
-    np.testing.assert_allclose(seen.positions[:, 2], RADIUS, atol=1e-4)
-    recording = Recording(tmp_path / "beads.mcap")
-    *_, last = recording.frames()
-    np.testing.assert_array_equal(last.x, seen.positions)
-    np.testing.assert_array_equal(last.point_x, np.repeat(last.x, 6, axis=0) + np.tile(OCTAHEDRON, (16, 1)))
-    assert verify(recording, resimulate).same
-    builder = ReportBuilder(recording.bundle, facts=recording.facts)
-    for message in recording:
-        builder.add(message)
-    picture = imread(draw_snapshots(recording, builder, tmp_path / "beads.png"))
-    assert (np.ptp(picture[..., :3], axis=2) > 0.15).mean() > 0.01  # pixels that are neither paper, ink nor ground
-
-
-def test_restored_beads_fall_with_the_same_bits() -> None:
-    with softseam.open(scene()) as sim:
-        sim.run(max_steps=3)
-        kept = sim.snapshot()
-        after = [sim.step().positions for _ in range(5)]
-        sim.restore(kept)
-        np.testing.assert_array_equal([sim.step().positions for _ in range(5)], after)
 
 
 def test_a_check_says_what_they_are(tmp_path: Path) -> None:
