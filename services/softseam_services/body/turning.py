@@ -12,12 +12,14 @@ from softseam_services.body.kernels.turning import (
     MOTION,
     N_SUMS,
     PLACE,
+    SECOND,
     add_field,
     add_up,
     find_lost,
     find_rest,
     find_turn,
     flatten,
+    spin_and_inverse,
     torque_of,
     turning_rate,
 )
@@ -46,6 +48,12 @@ class Turning:
         rate: float = turning_rate(self.mass, x, v, self._axis, self.start_sums)
         self._after[:] = 0.0
         return rate * dt > LEAST_TURN
+
+    def carry_on(self, x: Floats, v: Floats, share: float) -> None:
+        """After `begins`: a share [1] of how S changed since nodes were at x with v (n, 3) comes once more."""
+        self._see(x, v)
+        spins = [spin_and_inverse(sums)[0] for sums in (self.start_sums, self.end_sums)]
+        self.start_sums[ANGULAR:SECOND] += share * (spins[0] - spins[1])
 
     def start(self, x: Floats, v: Floats) -> Floats:
         """Eq. (2) of a step of implicit Euler from x with v: `velocity`."""

@@ -31,7 +31,7 @@ from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.state import FemState
 from softseam_services.fem.step_inputs import AT_ONCE, NO_TURN, StepInputs, StepResult
 from softseam_services.fem.tool_motion import Tools, part_of
-from softseam_services.fem.turning import free_to_turn
+from softseam_services.fem.turning import begins, free_to_turn
 from softseam_services.fem.work import build_work
 
 _CAREFUL_ITERATIONS = 200
@@ -268,7 +268,7 @@ class Stepper:
         )
         if task == kernel.STEP:
             end.past = past if static else dt
-        if turning is not None and status == CONVERGED:
+        if turning is not None and status == CONVERGED and not (self.scheme.n_history and self.result.wrench.any()):
             self._give_back(turning, end, tools)
         self._remember(status, task, now, end)
         return status
@@ -281,8 +281,7 @@ class Stepper:
         if len(self._model.seam):
             turning.of_whole(self._turn, dt)
             return turning
-        slowed = 1.0 + self.scheme.parameters[0] * self.scheme.drag * dt
-        return turning if turning.begins(now.x, now.v, dt, slowed) else None
+        return turning if begins(turning, self.scheme, now, dt) else None
 
     def _give_back(self, turning: Turning, end: FemState, tools: Tools) -> None:
         """Velocities, and what is told of them, at the end of a step in which the body turned."""

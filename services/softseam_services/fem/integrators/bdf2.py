@@ -38,6 +38,12 @@ def _weights(dt, past):
     return (1.0 + w) * below, (1.0 + w) * (1.0 + w) * below, w * w * below
 
 
+def kept_on(dt: float, past: float) -> float:
+    """Share of the last step's change that V of eq. (1) goes on by [1]."""
+    w = dt / past
+    return w * w / (1.0 + 2.0 * w)
+
+
 @njit(cache=True, error_model="numpy")
 def begin(dt, past, x0, v0, history, x_hat):
     """Fill x_hat (n, 3) [m] of eq. (2); history (2, n, 3); returns the share of M in the balance [1/s^2]."""
