@@ -6,6 +6,8 @@ What was begun and failed has exit code 1.
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -241,3 +243,11 @@ def test_packages_that_an_extra_must_bring_are_in_its_lock() -> None:
     for package, extra in errors._EXTRA_OF.items():
         if extra in ("solve", "view", "gym", "camera"):
             assert locked & {name.lower().replace("_", "-") for name in brought_by.get(package, [package])}, package
+
+
+def test_the_package_runs_as_a_module() -> None:
+    """As `softseam` does, with its exit codes."""
+    command = [sys.executable, "-m", "softseam", "check", "nowhere.yaml"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 2
+    assert "nowhere.yaml" in done.stderr
