@@ -133,14 +133,14 @@ def _is_fraction(value: ast.expr) -> bool:
 
 SOLVERS = r"softseam_services\.(fem|pbd)\b"
 COUNTS = (
-    Count("lines of the product", lines, 83_400, 66_000),
+    Count("lines of the product", lines, 83_650, 66_000),
     Count("lines of the client", lambda sources: lines(sources, "clients/softseam/"), 14_300, 13_500),
     Count("lines that name a model", matching(r'"(fem|pbd)"', r"services/softseam_services/(fem|pbd)/"), 10, 10),
     Count("lines with .near or .far", matching(r"\.(near|far)\b", SCENE_AND_VIEW), 99, 0),
     Count("lines that ask for a kind of body", matching(BODY_KINDS), 16, 10),
     Count("lines that take the only body", matching(r"scene\.body\b"), 67, 20),
     Count("fields of messages that are called seam", matching(r"^    seam_\w+:", inside="/messages/"), 11, 0),
-    Count("imports of solvers in the orchestrator", importing(SOLVERS, "/orchestrator/"), 27, 0),
+    Count("imports of solvers in the orchestrator", importing(SOLVERS, "/orchestrator/"), 0, 0),
     Count("client modules that import services", modules_importing("softseam_services", "clients/"), 10, 3),
     Count("tuned constants", constants, 665, 450),
     Count("lines with tell or told", matching(r"\b(tell|tells|telling|told)\b"), 640, 150),

@@ -6,11 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from softseam_protocol.messages.participant import Configure, Configured
 from softseam_protocol.participant.solver import Solver
 from softseam_protocol.scene.models import ModelsSpec
-from softseam_services.body.body import Body
+from softseam_services.body.body import Body, Region
 from softseam_services.built import Built
+from softseam_services.tools.tool_set import ToolSet
+from softseam_services.weighing import Adjoint, MeshIndicator, ModelIndicator
 
 if TYPE_CHECKING:  # which builds by these rows
     from softseam_services.server import Setup
@@ -47,6 +52,11 @@ def no_cost(work: StepWork) -> float:
     return 0.0
 
 
+def none_coarse(body: Body, models: ModelsSpec, tools: ToolSet) -> NDArray[np.bool_]:
+    """Of a model that takes every cell as it is (C,)."""
+    return np.zeros(body.n_cells, dtype=np.bool_)
+
+
 @dataclass(frozen=True)
 class SolverRow:
     """How a model is solved here.
@@ -57,6 +67,10 @@ class SolverRow:
     cost_of_equations  and what solving its equations as a whole costs [us]
     cost_at_rest       what both cost while no tool is near, of a body that is not round [us]
     kernels            package of its kernels, which are compiled before a run that needs them; '' for none
+    coarse_cells       cells of a body that it takes as one block (C,), by tools where they are at the start
+    adjoint            of a body, whose region it is given whole; None: it has none
+    mesh_indicator     of a region; None: it measures no error of its mesh
+    model_indicator    of a region of box cells; None: it measures no error of its model
     """
 
     build: Build
@@ -64,3 +78,7 @@ class SolverRow:
     cost_of_equations: Cost = no_cost
     cost_at_rest: Cost = no_cost
     kernels: str = ""
+    coarse_cells: Callable[[Body, ModelsSpec, ToolSet], NDArray[np.bool_]] = none_coarse
+    adjoint: Callable[[Body, Region, ToolSet, ModelsSpec], Adjoint] | None = None
+    mesh_indicator: Callable[[Body, Region, ModelsSpec], MeshIndicator] | None = None
+    model_indicator: Callable[[Body, Region, ModelsSpec], ModelIndicator] | None = None

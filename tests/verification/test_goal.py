@@ -16,9 +16,10 @@ from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.errors import MeshError
+from softseam_services.body.region import build_region
+from softseam_services.fem.adjoint import FemAdjoint
 from softseam_services.orchestrator import goal as goals
 from softseam_services.orchestrator import regions
-from softseam_services.orchestrator.adjoint import Adjoint
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.goal_watch import EVERY, GoalWatch
@@ -120,7 +121,9 @@ def test_the_adjoint_tells_what_a_force_does_to_the_grip() -> None:
         if gravity == 0.0:
             setup = build_setup(bundle_scene(Scene.model_validate(scene)))
             assert isinstance(setup.body, Body)
-            adjoint = Adjoint(setup.scene, setup.body, setup.tools)
+            cells = np.arange(setup.body.n_cells, dtype=np.int32)
+            whole = build_region(setup.body, cells, np.zeros(0, dtype=np.int32))
+            adjoint = FemAdjoint(setup.body, whole, setup.tools, setup.scene.models.fem)
             state = merged_state(setup.body, of.regions.sides, of.regions.participants.observe())
             assert adjoint.factor(state, of.report.tool_position, of.report.tool_orientation)
             mass = adjoint.region.mass[:, None] * way

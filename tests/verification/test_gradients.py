@@ -170,30 +170,30 @@ def test_backward_is_the_transpose_of_forward(case: str) -> None:
     fields = ("x", "v", "force", "anchor", "tool_start", "tool_end", "friction", "young")
     with softseam.open(_scene(case)) as sim:
         rollout, solver, tools = _sweep(sim, LOSS, commands)
-        derivative = solver.step_derivative(tools, rollout.dt, 1e-12)
-        model = solver.tables.whole.model
+        derivative = rollout.tape.derivatives(1e-12)
+        model, tape = solver.tables.whole.model, rollout.tape
         for step in range(0, rollout.n_steps, 2):
             change, owed = no_differential(model, len(tools.names)), no_differential(model, len(tools.names))
-            touched = (rollout.states[step].contact[:, :, :3] != 0.0).any(axis=2, keepdims=True)
+            touched = (tape.states[step].contact[:, :, :3] != 0.0).any(axis=2, keepdims=True)
             scales = {"force": touched, "anchor": 1e-3 * touched, "x": 1e-3, "tool_start": 1e-3, "tool_end": 1e-3}
             start = {}
             for name in fields:
                 array = getattr(change, name)
                 array[:] = random.standard_normal(array.shape) * scales.get(name, 1.0)
                 start[name] = array.copy()
-            derivative.look(step, rollout.passage(step), 0.0)
+            derivative.look(step, 0.0)
             derivative.push(change)
             ends = {name: random.standard_normal(getattr(owed, name).shape) for name in ("x", "v", "force", "anchor")}
             ends["tool_force"] = random.standard_normal(owed.tool_force.shape)
             forward = sum(float(np.sum(ends[name] * getattr(change, name))) for name in ends)
             for name, array in ends.items():
                 getattr(owed, name)[:] = array
-            derivative.look(step, rollout.passage(step), 0.0)
+            derivative.look(step, 0.0)
             derivative.pull(owed)
             backward = sum(float(np.sum(start[name] * getattr(owed, name))) for name in fields)
             size = sum(abs(float(np.sum(start[name] * getattr(owed, name)))) for name in fields)
             assert abs(forward - backward) < 1e-8 * size
-            augmented += len(rollout.augmented[step])
+            augmented += len(tape.augmented[step])
     assert augmented > 0 or case != "sticking"
 
 

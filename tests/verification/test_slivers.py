@@ -128,7 +128,7 @@ def test_forces_have_no_sum_and_no_moment() -> None:
 
 
 def test_each_cell_tells_forces_that_sum_to_the_whole() -> None:
-    """What an adjoint weighs cell by cell (`orchestrator.adjoint`)."""
+    """What an adjoint weighs cell by cell (`fem.adjoint`)."""
     statics = case("neo_hookean")
     f, total = statics.forces(bent(statics)), np.zeros_like(statics.x_rest)
     np.add.at(total, statics.body.cell_nodes, statics.work.fe.transpose(0, 2, 1))

@@ -21,20 +21,23 @@ Functions = Literal["hex27", "hex8", "tet4", "tet10"]
 
 @dataclass(frozen=True)
 class ElementFacts:
-    """functions   between nodes
-    stiff_from  Poisson's ratio from which it is off by 5 % and more on coarse cells, having no cure against locking [1]
+    """functions         between nodes
+    stiff_from        Poisson's ratio from which it is off by 5 % and more on coarse cells, having no cure against
+                      locking [1]
+    stress_at_points  it gives an octant's stress at its Gauss point, not its mean over the octant
     """
 
     functions: Functions
     stiff_from: float = 0.5
+    stress_at_points: bool = False
 
 
 ELEMENTS: Table[ElementFacts] = Table(
     "elements",
     {
-        "hex27": ElementFacts("hex27"),
+        "hex27": ElementFacts("hex27", stress_at_points=True),
         "hex27_full": ElementFacts("hex27", stiff_from=0.45),
-        "hex27_reduced": ElementFacts("hex27"),
+        "hex27_reduced": ElementFacts("hex27", stress_at_points=True),
         "hex8": ElementFacts("hex8"),
         "hex8_bbar": ElementFacts("hex8"),
         "hex8_full": ElementFacts("hex8", stiff_from=0.4),

@@ -6,13 +6,17 @@ from typing import TYPE_CHECKING, cast
 
 from softseam_protocol.messages.participant import Configure, Configured
 from softseam_protocol.participant.solver import Solver
-from softseam_services.body.body import Body
+from softseam_protocol.scene.models import ModelsSpec
+from softseam_services.body.body import Body, Region
 from softseam_services.body.region import build_region
 from softseam_services.built import Built
 from softseam_services.fem import cost
 from softseam_services.solver_row import SolverRow
+from softseam_services.tools.tool_set import ToolSet
 
 if TYPE_CHECKING:  # which builds by this row
+    from softseam_services.fem.adjoint import FemAdjoint
+    from softseam_services.fem.mesh_error import MeshError
     from softseam_services.server import Setup
 
 
@@ -31,5 +35,27 @@ def build(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Confi
     return solver, Configured(request.header, *size, 1, solver.strain, *moving, 0.0, solver.capabilities)
 
 
+def adjoint(body: Body, whole: Region, tools: ToolSet, models: ModelsSpec) -> FemAdjoint:
+    """Of the whole body, undivided."""
+    from softseam_services.fem.adjoint import FemAdjoint
+
+    return FemAdjoint(body, whole, tools, models.fem)
+
+
+def mesh_indicator(body: Body, region: Region, models: ModelsSpec) -> MeshError:
+    """Of the scene's element."""
+    from softseam_services.fem.mesh_error import MeshError
+
+    return MeshError(body, region, models.fem.element)
+
+
 MODEL = "fem"
-ROW = SolverRow(build, cost.of_cells, cost.of_equations, cost.at_rest, "softseam_services.fem.kernels")
+ROW = SolverRow(
+    build,
+    cost.of_cells,
+    cost.of_equations,
+    cost.at_rest,
+    kernels="softseam_services.fem.kernels",
+    adjoint=adjoint,
+    mesh_indicator=mesh_indicator,
+)

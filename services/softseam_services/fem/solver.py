@@ -28,9 +28,10 @@ from softseam_services.fem.region_tables import RegionTables
 from softseam_services.fem.snapshot import pack, unpack
 from softseam_services.fem.state import FemState
 from softseam_services.fem.step import Stepper
-from softseam_services.fem.step_derivative import Augmentation, StepDerivative
+from softseam_services.fem.step_derivative import Augmentation
 from softseam_services.fem.step_inputs import AT_ONCE, StepInputs, StepResult
 from softseam_services.fem.structures import Tables
+from softseam_services.fem.tape import FemTape
 from softseam_services.fem.tool_motion import at_rest, moved
 from softseam_services.fem.work import Work, build_work
 from softseam_services.request_check import problem_of, problem_of_correction, problem_of_target
@@ -285,11 +286,9 @@ class FemSolver:
         stepper.correct(self._committed, self._next, self._request.dt, request, self._tools)
         return self._reply(self._request, Status.CONVERGED, "", began, request)
 
-    def step_derivative(self, tools: ToolSet, dt: float, tolerance: float) -> StepDerivative:
-        """Derivatives of steps of length dt [s] of the whole region; tolerance: of their linear equations, relative."""
-        return StepDerivative(
-            self._stepper.scheme, self.tables.whole, with_round_edges(tools, self._body), dt, tolerance
-        )
+    def begin_tape(self, tools: ToolSet, dt: float) -> FemTape:
+        """Keeps a run from here, in steps of dt [s], between tools that never turn; see `differentiable`."""
+        return FemTape(self, self._stepper.scheme, with_round_edges(tools, self._body), dt)
 
     @property
     def augmented(self) -> list[Augmentation]:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats
+from softseam_services.differentiable import Near, NotSmooth
 from softseam_services.fem.contact_slopes import build_slopes
-from softseam_services.fem.differential import Differential
+from softseam_services.fem.differential import Differential, no_differential
 from softseam_services.fem.inputs import NO_PUSH, Inputs, NewtonSettings, build_result
 from softseam_services.fem.integrators.scheme import Scheme
 from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, TRACTION
@@ -42,10 +43,6 @@ _SAME_FORCE = 1e-9
 """relative: forces of a step that are found again differ by rounding"""
 
 
-class NotSmooth(ValueError):
-    """A step has no derivative here; the text says which, and what helps."""
-
-
 class Augmentation(NamedTuple):
     """A solution of a step that was solved again, as points were in deep."""
 
@@ -70,19 +67,17 @@ class Passage(NamedTuple):
     """over the step (t, 4)"""
 
 
-class Near(NamedTuple):
-    """A contact that is about to change its state when a step ends."""
-
-    tool: int
-    margin: float
-    """relative change of forces that it takes [1]"""
+Passages = Callable[[int], Passage]
 
 
 class StepDerivative:
     """Looks at one step after the other, in any order, each with the factor of one near by while that serves."""
 
-    def __init__(self, scheme: Scheme, tables: Tables, tools: ToolSet, dt: float, tolerance: float) -> None:
-        """tolerance: relative, of what is solved for"""
+    def __init__(
+        self, scheme: Scheme, tables: Tables, tools: ToolSet, dt: float, tolerance: float, passages: Passages
+    ) -> None:
+        """tolerance: relative, of what is solved for; passages: the steps by their number, from 0"""
+        self._passages, self._n_tools = passages, len(tools.names)
         self._scheme, self._tables, self._dt, self._tolerance = scheme, tables, dt, tolerance
         self._work = build_work(*tables, len(tools.names))
         self._slopes = build_slopes(self._work)
@@ -101,12 +96,16 @@ class StepDerivative:
         self.factors = 0
         """that were made"""
 
-    def look(self, step: int, passage: Passage, near: float) -> list[Near]:
+    def zero(self) -> Differential:
+        """What nothing is owed to, or nothing changes."""
+        return no_differential(self._tables.model, self._n_tools)
+
+    def look(self, step: int, near: float) -> list[Near]:
         """Linearise a step; returns contacts within `near` of a change.
 
         Raises NotSmooth, with the number `step` in its text.
         """
-        tools = self._tools
+        tools, passage = self._tools, self._passages(step)
         tools.position[:], tools.position_next[:] = passage.position, passage.position_next
         tools.orientation[:] = tools.orientation_next[:] = passage.orientation
         begun = None if self._turning is None else self._turning.look(passage.now, passage.end)

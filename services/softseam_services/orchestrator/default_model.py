@@ -20,7 +20,7 @@ from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.cost import step_cost
 from softseam_services.orchestrator.sides import cut
-from softseam_services.pbd.levels import coarse_cells
+from softseam_services.solvers import SOLVERS
 from softseam_services.tools.tool_set import ToolSet
 
 WORTH = 20.0
@@ -70,7 +70,7 @@ def _given(scene: Scene, kind: ModelKind, near: NearSpec | None = None) -> Scene
 
 def _cost_of_fem(scene: Scene, body: Body, tools: ToolSet) -> float:
     """What a step of FEM on all cells, in a grip, costs of one of PBD [1]."""
-    coarse = coarse_cells(body, scene.models.pbd.coarse, tools)
+    coarse = SOLVERS[FAR_DEFAULT].coarse_cells(body, scene.models, tools)
     fem, pbd = (
         step_cost(body, sides, scene.models, scene.step, len(tools.names) > 0, coarse)
         for sides in (

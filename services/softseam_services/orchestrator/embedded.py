@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 
+from softseam_protocol.facts import cores
 from softseam_protocol.messages.participant import Advanced, Bundle, Failure, Reply, Request
 from softseam_protocol.participant.solver import Solver
 from softseam_services.orchestrator.transport import ParticipantFailed, worked
-from softseam_services.pbd.two_threads import cores
 from softseam_services.server import ParticipantServer, Setup
 
 _BUNDLES = 4

@@ -24,11 +24,10 @@ from numpy.typing import NDArray
 from softseam_protocol.messages.participant import Fields
 from softseam_protocol.messages.session import ErrorEstimate
 from softseam_protocol.models import facts_of
-from softseam_protocol.scene.kinds import ElementKind
+from softseam_protocol.scene.kinds import IN_BLOCKS, IN_MESHES, ElementKind
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
-from softseam_services.fem.elements.hex27 import SHARES
 from softseam_services.orchestrator.goal_error import GoalError
 from softseam_services.orchestrator.sides import Sides
 
@@ -187,7 +186,7 @@ class ErrorEstimator:
         return ErrorEstimate(time, mesh, model, answer, judged, text, too_large)
 
     def _coarse(self, answer: float) -> str:
-        other = "" if self._element in SHARES else "models.fem.element: hex27, or "
+        other = "" if self._element in (IN_BLOCKS, IN_MESHES) else f"models.fem.element: {IN_BLOCKS}, or "
         return f"too coarse; try {other}{self._shorter(answer)}"
 
     def _otherwise(self, answer: float) -> str:

@@ -33,13 +33,11 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Fields
 from softseam_protocol.models import facts_of, some_read
+from softseam_protocol.scene.kinds import ELEMENTS
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Ints
 from softseam_services.body.errors import MeshError, SettingError
 from softseam_services.body.region import build_region
-from softseam_services.fem.elements.hex27 import SHARES
-from softseam_services.fem.mesh_error import MeshError as MeshIndicator
-from softseam_services.orchestrator.adjoint import Adjoint
 from softseam_services.orchestrator.error_estimate import MESH, UNMEASURED
 from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.grips import Grips
@@ -47,8 +45,9 @@ from softseam_services.orchestrator.placement import Placement
 from softseam_services.orchestrator.probes import place_of
 from softseam_services.orchestrator.sides import Sides, merged_state
 from softseam_services.orchestrator.stress import von_mises
-from softseam_services.pbd.model_error import ModelError
+from softseam_services.solvers import offered
 from softseam_services.tools.tool_set import ToolSet
+from softseam_services.weighing import Adjoint, MeshIndicator, ModelIndicator
 
 Floats = NDArray[np.float64]
 
@@ -84,7 +83,9 @@ class Goal:
         at = scene.probes.get(name)
         self._octant = None if at is None else place_of(body, name, np.asarray(at))[:2]
         self._adjoint: Adjoint | None = None
+        self._blocks: ModelIndicator
         self._fine: Ints = np.zeros(0, dtype=np.int32)  # cells that self._mesh is of
+        self._mesh: MeshIndicator
 
     def look(
         self, sides: Sides, fields: Mapping[str, Fields], position: Floats, orientation: Floats, blame: bool = False
@@ -95,8 +96,9 @@ class Goal:
         """
         body = self._body
         if self._adjoint is None:
-            self._adjoint = Adjoint(self._scene, body, self._tools)
-            self._blocks = ModelError(body, self._adjoint.region, self._scene.models.pbd.hourglass)
+            whole = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
+            self._adjoint = offered(lambda row: row.adjoint)(body, whole, self._tools, self._scene.models)
+            self._blocks = offered(lambda row: row.model_indicator)(body, whole, self._scene.models)
         adjoint = self._adjoint
         state = merged_state(body, sides, fields)
         cauchy = np.empty((body.n_cells, 8, 6))
@@ -142,7 +144,7 @@ class Goal:
         value, pressure = float(von_mises(cauchy)), cauchy[:3].mean()
         xx, yy, zz, yz, xz, xy = cauchy
         s = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - pressure * np.eye(3)
-        at_point = self._scene.models.fem.element in SHARES  # which take an octant's stress at its Gauss point
+        at_point = ELEMENTS[self._scene.models.fem.element].stress_at_points
         slope = body.from_axes(_slopes(octant, at_point) * (2.0 / body.edges))  # by places at rest
         nodes = body.cell_nodes[cell]
         deformation = x[nodes].T @ slope
@@ -161,14 +163,14 @@ class Goal:
     def _mesh_error(self, cells: Ints, x: Floats, y: Floats, cauchy: Floats) -> float:
         """Eq. (2) of FEM's cells, whose recovered stress stops at the seam; x and y (N, 3) as in `look`."""
         assert self._adjoint is not None
-        element = self._scene.models.fem.element
+        models = self._scene.models
         if not np.array_equal(cells, self._fine):
             region = build_region(self._body, cells, np.zeros(0, dtype=np.int32))
             self._fine, self._nodes = cells, region.nodes
-            self._mesh = MeshIndicator(self._body, region, element)
+            self._mesh = offered(lambda row: row.mesh_indicator)(self._body, region, models)
         other = np.ascontiguousarray(self._adjoint.stress(y)[cells])
         product = self._mesh.product(x[self._nodes], cauchy[cells], y[self._nodes], other)
-        return MESH.get(element, UNMEASURED) * float(product.sum())
+        return MESH.get(models.fem.element, UNMEASURED) * float(product.sum())
 
     def _read_otherwise(self, sides: Sides, x: Floats, value: float) -> float:
         """What FEM reads of PBD's positions at a probe but PBD does not: J_F(u_P) - J_P(u_P)."""
@@ -189,7 +191,8 @@ class Goal:
         nodes = np.arange(len(x), dtype=np.int32)
         if len(cells) < self._body.n_cells:
             region = build_region(self._body, cells, np.zeros(0, dtype=np.int32))
-            nodes, blocks = region.nodes, ModelError(self._body, region, self._scene.models.pbd.hourglass)
+            nodes = region.nodes
+            blocks = offered(lambda row: row.model_indicator)(self._body, region, self._scene.models)
         pull = blocks.pull(x[nodes])
         whole = float(np.einsum("cai,cai->", z[self._body.cell_nodes[cells]], forces[cells]))
         return -whole - float((z[nodes] * pull).sum())

@@ -8,9 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softseam_services.fem.differential import no_differential
-from softseam_services.fem.solver import FemSolver
-from softseam_services.fem.step_derivative import NotSmooth, StepDerivative
+from softseam_services.differentiable import Differential, NotSmooth
 from softseam_services.orchestrator.rollout import Floats, NotDifferentiable, Rollout
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -46,30 +44,20 @@ class Pulled:
     factors: int
 
 
-def _derivative(simulation: Simulation, rollout: Rollout) -> StepDerivative:
-    solver = simulation.solver
-    assert isinstance(solver, FemSolver)  # of a rollout it is
-    return solver.step_derivative(simulation.tools, rollout.dt, TOLERANCE)
-
-
 def pull(simulation: Simulation, rollout: Rollout, by_force: Floats, by_positions: Floats, near: float) -> Pulled:
     """Of a number with derivatives by forces on tools (s, t, 3) [1/N] and positions after each step (s, n, 3) [1/m].
 
     near: contacts within such a relative change of forces are crossed. Raises NotDifferentiable.
     """
-    derivative, names = _derivative(simulation, rollout), simulation.tools.names
-    solver = simulation.solver
-    assert isinstance(solver, FemSolver)
-    owed = no_differential(solver.tables.whole.model, len(names))
+    derivative, names = rollout.tape.derivatives(TOLERANCE), simulation.tools.names
+    owed: Differential = derivative.zero()
     by_place, crossed = np.zeros_like(rollout.tool_position), []
     for step in range(rollout.n_steps - 1, -1, -1):
         owed.tool_force[:] = by_force[step]
         owed.x[:] += by_positions[step]
         owed.tool_start[:], owed.tool_end[:] = 0.0, 0.0
         try:
-            crossed += [
-                Crossing(step, names[n.tool], n.margin) for n in derivative.look(step, rollout.passage(step), near)
-            ]
+            crossed += [Crossing(step, names[n.tool], n.margin) for n in derivative.look(step, near)]
             derivative.pull(owed)
         except NotSmooth as error:
             raise NotDifferentiable(str(error)) from None
@@ -96,10 +84,8 @@ def push(simulation: Simulation, rollout: Rollout, directions: list[Direction]) 
 
     Raises NotDifferentiable.
     """
-    derivative, names = _derivative(simulation, rollout), simulation.tools.names
-    solver = simulation.solver
-    assert isinstance(solver, FemSolver)
-    changes = [no_differential(solver.tables.whole.model, len(names)) for _ in directions]
+    derivative, names = rollout.tape.derivatives(TOLERANCE), simulation.tools.names
+    changes: list[Differential] = [derivative.zero() for _ in directions]
     for change, direction in zip(changes, directions, strict=True):
         change.young[0] = direction.young / _young(simulation)
         for name, value in direction.friction.items():
@@ -107,7 +93,7 @@ def push(simulation: Simulation, rollout: Rollout, directions: list[Direction]) 
     found = np.zeros((len(directions), *rollout.force.shape))
     for step in range(rollout.n_steps):
         try:
-            derivative.look(step, rollout.passage(step), 0.0)
+            derivative.look(step, 0.0)
             for change, forces in zip(changes, found, strict=True):
                 derivative.push(change)
                 forces[step] = change.tool_force

@@ -25,7 +25,7 @@ from softseam_services.body.body import Body
 from softseam_services.orchestrator.cost import one_is_enough, step_cost
 from softseam_services.orchestrator.refinement import RefinementIndicators
 from softseam_services.orchestrator.sides import Sides, cut
-from softseam_services.pbd.levels import coarse_cells
+from softseam_services.solvers import SOLVERS
 from softseam_services.tools.kernels import cell_distances
 from softseam_services.tools.tool_set import ToolSet
 
@@ -72,7 +72,7 @@ class NearCells:
         self._far_model, self._models, self._dt = scene.regions.far, scene.models, scene.step
         self._spares = near is not None and near.split == "when_cheaper" and not self._fixed
         self._spares = self._spares and (self.model, self._far_model) == (NEAR_DEFAULT, FAR_DEFAULT)
-        self._coarse = coarse_cells(body, scene.models.pbd.coarse, tools)
+        self._coarse = SOLVERS[FAR_DEFAULT].coarse_cells(body, scene.models, tools)
         self._alone = self._cost(np.ones(body.n_cells, dtype=np.bool_)) if self._spares else 0.0
         self._why = self._enough(near) if self._spares else ""
         self.reset()

@@ -13,9 +13,7 @@ from softseam_protocol.scene.motion import ClosePhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import SolidTool
 from softseam_services.body.body import Body
-from softseam_services.fem.solver import FemSolver
-from softseam_services.fem.state import FemState
-from softseam_services.fem.step_derivative import Augmentation, Passage
+from softseam_services.differentiable import Differentiable, Tape
 from softseam_services.orchestrator.simulation import Simulation
 
 Floats = NDArray[np.float64]
@@ -31,14 +29,8 @@ class Rollout:
 
     dt: float
     """[s]"""
-    states: Sequence[FemState]
-    """before the first step and after each (s + 1)"""
-    augmented: Sequence[Sequence[Augmentation]]
-    """of each step"""
-    tool_position: Floats
-    """likewise (s + 1, t, 3) [m]"""
-    tool_orientation: Floats
-    """(t, 4)"""
+    tape: Tape
+    """of the solver that took them"""
     force: Floats
     """of the body on each tool as each step ends (s, t, 3) [N]"""
 
@@ -49,13 +41,12 @@ class Rollout:
     @property
     def positions(self) -> Floats:
         """Of all nodes, before the first step and after each (s + 1, n, 3) [m]."""
-        return np.stack([state.x for state in self.states])
+        return self.tape.positions
 
-    def passage(self, step: int) -> Passage:
-        """One of its steps, from 0."""
-        place = self.tool_position
-        now, end = self.states[step : step + 2]
-        return Passage(now, end, self.augmented[step], place[step], place[step + 1], self.tool_orientation)
+    @property
+    def tool_position(self) -> Floats:
+        """Likewise (s + 1, t, 3) [m]."""
+        return self.tape.tool_position
 
 
 def check_differentiable(scene: Scene, body: object) -> None:
@@ -109,10 +100,9 @@ def roll_out(
     check_differentiable(simulation.scene, simulation.body)
     simulation.reset()
     solver = simulation.solver
-    if not isinstance(solver, FemSolver):
+    if not isinstance(solver, Differentiable):
         raise NotDifferentiable("`regions`: gradients go through fem alone: open the scene with model='fem'")
-    place, turn = [simulation.tools.position.copy()], simulation.tools.orientation.copy()
-    states, augmented = [solver.state.copy()], list[Sequence[Augmentation]]()
+    tape, turn = solver.begin_tape(simulation.tools, simulation.scene.step), simulation.tools.orientation.copy()
     forces: list[Floats] = []
     limit = len(commands) if commands is not None else most
     while (commands is not None or not simulation.done) and (limit is None or len(forces) < limit):
@@ -124,10 +114,8 @@ def roll_out(
             )
         if not np.array_equal(report.tool_orientation, turn):
             raise NotDifferentiable(f"step {number} turned a tool: gradients go through tools that do not turn")
-        states.append(solver.state.copy())
-        augmented.append(solver.augmented)
-        place.append(report.tool_position.copy())
+        tape.keep(report.tool_position)
         forces.append(report.wrench[:, :3].copy())
     if not forces:
         raise NotDifferentiable("the run has no steps: give the scene a `motion` or a `duration`, or commands")
-    return Rollout(simulation.scene.step, states, augmented, np.stack(place), turn, np.stack(forces))
+    return Rollout(simulation.scene.step, tape, np.stack(forces))

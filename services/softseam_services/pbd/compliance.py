@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.facts import cores
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import record
 
@@ -22,7 +23,7 @@ from .model import PbdModel
 from .parameters import PbdParameters, block_softness
 from .records import Scratch, new_inputs, new_scratch
 from .state import PbdState, new_state
-from .two_threads import cores, share_out
+from .two_threads import share_out
 
 Ways = NDArray[np.float64]
 

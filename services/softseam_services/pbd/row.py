@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from softseam_protocol.messages.participant import Configure, Configured
 from softseam_protocol.participant.solver import Solver
+from softseam_protocol.scene.models import ModelsSpec
+from softseam_services.body.body import Body, Region
 from softseam_services.body.particles import ParticleBody
 from softseam_services.body.region import build_region
 from softseam_services.built import Built
 from softseam_services.pbd import cost
 from softseam_services.solver_row import SolverRow
+from softseam_services.tools.tool_set import ToolSet
 
 if TYPE_CHECKING:  # which builds by this row
+    from softseam_services.pbd.model_error import ModelError
     from softseam_services.server import Setup
 
 
@@ -40,5 +47,26 @@ def _build_particles(setup: Setup, body: ParticleBody, request: Configure) -> tu
     return solver, Configured(request.header, body.n_nodes, 0, solver.substeps, solver.strain, *solver.moving)
 
 
+def coarse_cells(body: Body, models: ModelsSpec, tools: ToolSet) -> NDArray[np.bool_]:
+    """Cells that it takes as one block in place of eight (C,)."""
+    from softseam_services.pbd import levels
+
+    return levels.coarse_cells(body, models.pbd.coarse, tools)
+
+
+def model_indicator(body: Body, region: Region, models: ModelsSpec) -> ModelError:
+    """Beside finite elements on the same nodes."""
+    from softseam_services.pbd.model_error import ModelError
+
+    return ModelError(body, region, models.pbd.hourglass)
+
+
 MODEL = "pbd"
-ROW = SolverRow(build, cost.of_cells, cost_at_rest=cost.of_cells, kernels="softseam_services.pbd.kernels")
+ROW = SolverRow(
+    build,
+    cost.of_cells,
+    cost_at_rest=cost.of_cells,
+    kernels="softseam_services.pbd.kernels",
+    coarse_cells=coarse_cells,
+    model_indicator=model_indicator,
+)

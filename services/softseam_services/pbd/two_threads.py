@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from softseam_protocol.facts import cores
 from softseam_services.body.body import Floats, Ints
 
 from .kernels.block import new_workspace
@@ -22,11 +22,6 @@ TRIAL = 32
 """every so many steps the slower way is tried again: whether there is a core to spare may change"""
 FORGET = 1.25
 """a step slower than the last counts as at most so much slower: one that was held up says little"""
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @cache

@@ -17,9 +17,8 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_protocol.messages.participant import BodyState, ToolMotion
-from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Body, Floats, Region
-from softseam_services.body.region import build_region
 from softseam_services.fem.face_forces import taken_over
 from softseam_services.fem.inputs import Inputs, NewtonSettings, build_result
 from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, Scheme
@@ -42,15 +41,14 @@ _CROSSINGS = 1e3
 _NONE = np.zeros((0, 3))
 
 
-class Adjoint:
-    """The whole body as FEM takes it; built once, factored at every look."""
+class FemAdjoint:
+    """The whole body as FEM takes it, a `weighing.Adjoint`; built once, factored at every look."""
 
-    def __init__(self, scene: Scene, body: Body, tools: ToolSet) -> None:
-        everything = np.arange(body.n_cells, dtype=np.int32)
-        self.region: Region = build_region(body, everything, np.zeros(0, dtype=np.int32))
+    def __init__(self, body: Body, whole: Region, tools: ToolSet, spec: FemSpec) -> None:
+        self.region = whole
         self.model: FemModel
         self.parameters: FemParameters
-        self.model, self.parameters = build_tables(body, self.region, tools, scene.models.fem)
+        self.model, self.parameters = build_tables(body, self.region, tools, spec)
         self.work: Work = build_work(self.model, self.parameters, len(tools.names))
         self._scheme = Scheme(IMPLICIT_EULER, np.ones(1), 0)
         self._whole, self._friction = at_rest(with_round_edges(tools, body)), tools.friction
