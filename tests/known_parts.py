@@ -77,7 +77,7 @@ class Part:
         return Advanced(
             header, Status.CONVERGED, self.x.copy(), told, np.zeros((0, 6)), 0.0, 0.0, 0.0, 0.0, 0.0, three, three,
             0.0, 0.0, 0, 1, 0.0, np.zeros(0), np.zeros((2, 3)), self.force, correctable=self.corrects,
-            seam_compliance_root=root,
+            coupling_compliance_root=root,
         )  # fmt: skip
 
 

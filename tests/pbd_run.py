@@ -145,7 +145,7 @@ class PbdRun:
     def attempt(self, request: Advance) -> None:
         """The tentative state of one attempt by plan, behind the back of what would refuse or repeat it."""
         solver = self.solver
-        inputs = StepInputs(request.tools, request.seam_force, request.seam_force_start)
+        inputs = StepInputs(request.tools, request.coupling_force, request.coupling_force_start)
         attempt(solver.model, solver.parameters, solver._committed, inputs, request.dt, solver._scratch, 0)
         solver._tentative = True
 

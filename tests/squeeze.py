@@ -182,7 +182,7 @@ class Squeeze:
             point_x=self._deform(rest, grip, lift),
             contact_force=contact,
             contact_tool=tool,
-            seam_nodes=self.seam,
+            coupling_nodes=self.seam,
             multiplier=multiplier,
             tool_position=self._tools(grip, lift),
             tool_orientation=np.tile([1.0, 0.0, 0.0, 0.0], (4, 1)),

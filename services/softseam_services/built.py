@@ -53,4 +53,4 @@ class Built:
 
 def _region(body: Body, request: Configure) -> tuple[int, bytes, bytes, bool]:
     """What names a region among those of bodies that live."""
-    return id(body), request.cells.tobytes(), request.seam_nodes.tobytes(), request.owns_seam_points
+    return id(body), request.cells.tobytes(), request.coupling_nodes.tobytes(), request.owns_coupling_points

@@ -12,7 +12,7 @@ from softseam_services.tools.kernels import all_finite
 
 def problem_of(request: Advance, n_tools: int, n_seam: int) -> str:
     """What is wrong with the step's length, the tools' poses or the seam force; '' where nothing is."""
-    motion, force = request.tools, request.seam_force
+    motion, force = request.tools, request.coupling_force
     if not (math.isfinite(request.dt) and request.dt > 0.0):
         return f"the time step is {request.dt} s: not finite, or not positive"
     if force.shape != (n_seam, 3):
@@ -21,10 +21,10 @@ def problem_of(request: Advance, n_tools: int, n_seam: int) -> str:
     for pose, width in zip(poses, (3, 4, 3, 4), strict=True):
         if pose.shape != (n_tools, width):
             return f"tool poses of {n_tools} tools have shape ({n_tools}, {width}), not {pose.shape}"
-    start = request.seam_force_start
+    start = request.coupling_force_start
     if start.shape not in ((0, 3), (n_seam, 3)):
         return f"the seam force at the step's start has shape {start.shape}, this region's seam needs ({n_seam}, 3)"
-    if len(start) and len(request.seam_target):
+    if len(start) and len(request.coupling_target):
         return "a seam force that is linear in time beside an anchor: send one of the two"
     if request.turn.shape not in ((0,), (22,)) or not np.isfinite(request.turn).all():
         return "the turn of the whole body is 22 finite numbers, or none"
@@ -47,7 +47,7 @@ def problem_of_correction(request: Correct, n_seam: int) -> str:
 
 def problem_of_target(request: Advance, n_seam: int, knows_impedance: bool) -> str:
     """What is wrong with how the other side of the seam is said to resist, or ''; `knows_impedance`: from before."""
-    anchor, stiffness = request.seam_target, request.seam_impedance
+    anchor, stiffness = request.coupling_target, request.coupling_impedance
     if not len(anchor):
         return ""
     n = 3 * n_seam

@@ -180,8 +180,8 @@ class AnyShape(Faulty):
 
     def __init__(self) -> None:
         def asked(self: Faulty, request: Any) -> Any:
-            if isinstance(request, Advance) and len(request.seam_force) == 4:
-                return replace(request, seam_force=np.zeros((9, 3)))
+            if isinstance(request, Advance) and len(request.coupling_force) == 4:
+                return replace(request, coupling_force=np.zeros((9, 3)))
             return request
 
         super().__init__(asked)
@@ -289,7 +289,7 @@ FAULTS: list[tuple[str, str, Callable[[], Example]]] = [
     ("energy", "kinetic energy of a part that flies", changed(Advanced, kinetic=lambda e: 0.9 * e)),
     ("energy", "gravity's energy", changed(Configured, gravity=lambda e: -e)),
     ("energy", "strain energy of a uniform stretch", changed(Configured, strain=lambda e: 2.0 * e)),
-    ("energy", "work of the coupling forces", changed(Advanced, seam_work=lambda e: 0.0)),
+    ("energy", "work of the coupling forces", changed(Advanced, coupling_work=lambda e: 0.0)),
     ("energy", "energy of at most that work", changed(Advanced, strain=lambda e: e + 1e-3)),
     ("rigid_motion", "no strain energy", lambda: Faulty(_pulled)),
     ("uniform_stress", "a force of E strain area", lambda: Faulty(_lopsided)),
@@ -307,7 +307,7 @@ FAULTS: list[tuple[str, str, Callable[[], Example]]] = [
     ("correct", "the move that was told", _push_of(lambda push: 1.1 * push)),
     ("correct", "what redoing the step gives", _yields_more),
     ("correct", "a step that can be corrected", changed(Advanced, correctable=lambda _: False)),
-    ("correct", "Advanced.seam_x of shape (9, 3)", changed(Advanced, seam_x=lambda x: x[:1])),
-    ("correct_then", "the same bits as in two requests", _then(lambda r: replace(r, seam_x=r.seam_x + 1e-9))),
+    ("correct", "Advanced.coupling_x of shape (9, 3)", changed(Advanced, coupling_x=lambda x: x[:1])),
+    ("correct_then", "the same bits as in two requests", _then(lambda r: replace(r, coupling_x=r.coupling_x + 1e-9))),
     ("correct_then", "the header of Correct.then", _then(lambda r: replace(r, header=replace(r.header, step=7)))),
 ]

@@ -115,8 +115,8 @@ def test_an_embedded_descriptor_is_enough_to_read_a_payload(cls: type) -> None:
         message = advanced()
         read = foreign.FromString(encode(message))
         assert read.message_type == "softseam.v3.Advanced" and read.header.step == 3 and read.n_contacts == 5
-        assert list(read.seam_x.shape) == [4, 3] and read.seam_x.dtype == "f8"
-        np.testing.assert_array_equal(np.frombuffer(read.seam_x.data).reshape(4, 3), message.seam_x)
+        assert list(read.coupling_x.shape) == [4, 3] and read.coupling_x.dtype == "f8"
+        np.testing.assert_array_equal(np.frombuffer(read.coupling_x.data).reshape(4, 3), message.coupling_x)
         # and what a foreigner writes is read by us, whatever the order of its fields
         moved = read.SerializeToString()
         first = 2 + len("softseam.v3.Advanced")
@@ -152,8 +152,8 @@ def test_decoded_arrays_are_aligned_writable_and_contiguous() -> None:
 def test_strided_arrays_are_sent_in_c_order() -> None:
     x = np.arange(24.0).reshape(4, 6)[:, ::2]
     f = np.asfortranarray(np.arange(12.0).reshape(4, 3))
-    assert same(decode(encode(advanced(seam_x=x)), Advanced).seam_x, np.ascontiguousarray(x))
-    assert same(decode(encode(advanced(seam_x=f)), Advanced).seam_x, np.ascontiguousarray(f))
+    assert same(decode(encode(advanced(coupling_x=x)), Advanced).coupling_x, np.ascontiguousarray(x))
+    assert same(decode(encode(advanced(coupling_x=f)), Advanced).coupling_x, np.ascontiguousarray(f))
 
 
 def test_an_absent_scalar_means_its_default() -> None:
@@ -204,10 +204,13 @@ def test_huge_but_finite_numbers_pass() -> None:
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"seam_x": np.zeros((4, 2))}, r"Advanced\.seam_x: shape \(4, 2\) where f8 \(n, 3\) belongs"),
-        ({"seam_x": np.zeros((4, 3), np.float32)}, r"Advanced\.seam_x: float32 \(4, 3\) where f8 \(n, 3\) belongs"),
-        ({"seam_x": np.zeros((4, 3), ">f8")}, r"Advanced\.seam_x"),
-        ({"seam_x": [[1.0, 2.0, 3.0]]}, r"Advanced\.seam_x: list where f8"),
+        ({"coupling_x": np.zeros((4, 2))}, r"Advanced\.coupling_x: shape \(4, 2\) where f8 \(n, 3\) belongs"),
+        (
+            {"coupling_x": np.zeros((4, 3), np.float32)},
+            r"Advanced\.coupling_x: float32 \(4, 3\) where f8 \(n, 3\) belongs",
+        ),
+        ({"coupling_x": np.zeros((4, 3), ">f8")}, r"Advanced\.coupling_x"),
+        ({"coupling_x": [[1.0, 2.0, 3.0]]}, r"Advanced\.coupling_x: list where f8"),
         ({"momentum": np.zeros((1, 3))}, r"Advanced\.momentum"),
         ({"kinetic": "1"}, r"Advanced\.kinetic"),
         ({"kinetic": None}, r"Advanced\.kinetic"),

@@ -45,19 +45,19 @@ def _set(path: str, value: Any) -> Any:
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        (_set("seam_x.dtype", "f4"), r"Advanced\.seam_x: dtype 'f4' where 'f8' belongs"),
-        (_set("seam_x.dtype", "O"), r"Advanced\.seam_x: dtype 'O'"),
-        (_set("seam_x.dtype", ">f8"), r"Advanced\.seam_x: dtype"),
-        (_set("seam_x.shape", [12]), r"Advanced\.seam_x: 1 axes"),
-        (_set("seam_x.shape", [2] * 100), r"Advanced\.seam_x: 100 axes"),
-        (_set("seam_x.shape", [3, 4]), r"Advanced\.seam_x: shape \(3, 4\)"),
-        (_set("seam_x.shape", [5, 3]), r"Advanced\.seam_x: shape \(5, 3\) needs 120 bytes, but 96 came"),
+        (_set("coupling_x.dtype", "f4"), r"Advanced\.coupling_x: dtype 'f4' where 'f8' belongs"),
+        (_set("coupling_x.dtype", "O"), r"Advanced\.coupling_x: dtype 'O'"),
+        (_set("coupling_x.dtype", ">f8"), r"Advanced\.coupling_x: dtype"),
+        (_set("coupling_x.shape", [12]), r"Advanced\.coupling_x: 1 axes"),
+        (_set("coupling_x.shape", [2] * 100), r"Advanced\.coupling_x: 100 axes"),
+        (_set("coupling_x.shape", [3, 4]), r"Advanced\.coupling_x: shape \(3, 4\)"),
+        (_set("coupling_x.shape", [5, 3]), r"Advanced\.coupling_x: shape \(5, 3\) needs 120 bytes, but 96 came"),
         # 2**61 * 8 is 0 in 64 bits
         (_set("compliance.shape", [2**61, 1]), r"Advanced\.compliance: shape .* needs 18446744073709551616 bytes"),
         (_set("compliance.shape", [2**63, 0]), r"Advanced\.compliance: shape .* too long"),
-        (_set("seam_x.data", b""), r"Advanced\.seam_x: shape \(4, 3\) needs 96 bytes, but 0 came"),
-        (_set("seam_x.data", np.full(12, np.nan).tobytes()), r"Advanced\.seam_x: entry 0 is nan"),
-        (_set("seam_x.data", np.full(12, -np.inf).tobytes()), r"Advanced\.seam_x: entry 0 is -inf"),
+        (_set("coupling_x.data", b""), r"Advanced\.coupling_x: shape \(4, 3\) needs 96 bytes, but 0 came"),
+        (_set("coupling_x.data", np.full(12, np.nan).tobytes()), r"Advanced\.coupling_x: entry 0 is nan"),
+        (_set("coupling_x.data", np.full(12, -np.inf).tobytes()), r"Advanced\.coupling_x: entry 0 is -inf"),
         (_set("kinetic", float("nan")), r"Advanced\.kinetic: nan is not a finite number"),
         (_set("slip", float("inf")), r"Advanced\.slip: inf"),
         (_set("status", "fine"), r"Advanced\.status: 'fine' is none of converged, refused"),
@@ -67,7 +67,7 @@ def _set(path: str, value: Any) -> Any:
         (_set("header.session", "../../etc"), r"Header\.session: '\.\./\.\./etc' is not a name"),
         (_set("header.session", "a*"), r"Header\.session"),
         (lambda wire: wire.ClearField("header"), r"Advanced\.header: missing"),
-        (lambda wire: wire.ClearField("seam_x"), r"Advanced\.seam_x: missing"),
+        (lambda wire: wire.ClearField("coupling_x"), r"Advanced\.coupling_x: missing"),
     ],
 )
 def test_a_bad_field_is_named(change: Any, text: str) -> None:

@@ -153,7 +153,7 @@ def test_points_on_clamped_nodes_of_both_sides_belong_to_one() -> None:
         near = np.flatnonzero(rng.random(body.n_cells) < 0.5).astype(np.int32)
         far = np.setdiff1d(np.arange(body.n_cells, dtype=np.int32), near).astype(np.int32)
         seam = shared_nodes(body, near, far)
-        one, other = build_region(body, near, seam), build_region(body, far, seam, owns_seam_points=False)
+        one, other = build_region(body, near, seam), build_region(body, far, seam, owns_coupling_points=False)
         np.testing.assert_array_equal(np.sort(np.concatenate([one.points, other.points])), np.arange(body.n_points))
         assert set(one.nodes) & set(node_of_point(body)) <= set(node_of_point(body)[one.points])
 

@@ -38,7 +38,7 @@ def _coupled(run: FemRun, force: Floats, exchange: int, velocities: dict[str, tu
     """With a stiffness beside it as of what is missing, told in every request."""
     request = run.request(velocities, force=force, exchange=exchange)
     anchor = run.body.x_rest[run.region.nodes[run.region.seam]]
-    return dataclasses.replace(request, seam_target=anchor, seam_impedance=40.0 * np.eye(3 * len(anchor)))
+    return dataclasses.replace(request, coupling_target=anchor, coupling_impedance=40.0 * np.eye(3 * len(anchor)))
 
 
 def _fem_squeezed() -> FemRun:
@@ -61,7 +61,7 @@ def _fem_squeezed() -> FemRun:
 
 def known_move(reply: Advanced, force: Floats) -> Floats:
     """What the seam moves by where it is pushed by `force`, as the reply tells (s, 3) [m]."""
-    known = reply.seam_compliance_root @ reply.seam_compliance_root.T
+    known = reply.coupling_compliance_root @ reply.coupling_compliance_root.T
     return (known @ force.ravel()).reshape(-1, 3)
 
 
@@ -78,7 +78,7 @@ def test_fem_settled_is_nearly_fem_solved_again() -> None:
         reply = run.solver.advance(_coupled(run, np.zeros_like(force), 3 * n, {}))
         assert reply.correctable
         before = run.x.copy(), run.solver.state.v.copy()
-        acted = reply.seam_force - 40.0 * known_move(reply, force) + force
+        acted = reply.coupling_force - 40.0 * known_move(reply, force) + force
         corrected = _correct(run, force, acted, 3 * n + 1)
         x, v = run.x.copy(), run.solver.state.v.copy()
         moved = (x - before[0])[run.region.seam]
@@ -87,10 +87,10 @@ def test_fem_settled_is_nearly_fem_solved_again() -> None:
         again = run.solver.advance(_coupled(run, force, 3 * n + 2, {}))
         for name in ("kinetic", "strain", "gravity"):
             assert getattr(corrected, name) == pytest.approx(getattr(again, name), rel=2e-3, abs=1e-9), name
-        np.testing.assert_allclose(corrected.seam_force, again.seam_force, atol=2e-3 * np.abs(again.seam_force).max())
-        balance = (corrected.momentum - reply.momentum) / run.scene.step - (
-            corrected.seam_force - reply.seam_force
-        ).sum(0)
+        there = again.coupling_force
+        np.testing.assert_allclose(corrected.coupling_force, there, atol=2e-3 * np.abs(there).max())
+        pushed = (corrected.coupling_force - reply.coupling_force).sum(0)
+        balance = (corrected.momentum - reply.momentum) / run.scene.step - pushed
         tools = (corrected.wrench - reply.wrench)[:, :3].sum(axis=0)
         np.testing.assert_allclose(balance, -tools, atol=1e-9 * np.abs(acted).max())
         left.append(np.abs(x - run.x).max() / np.abs(x - before[0]).max())
@@ -123,11 +123,11 @@ def test_fem_tells_its_yield_once_a_factor_and_anew_after_a_snapshot() -> None:
     force = np.zeros((len(run.region.seam), 3))
     first = run.solver.advance(_coupled(run, force, 0, {}))
     again = run.solver.advance(_coupled(run, force, 1, {}))
-    assert first.seam_compliance_root.size and not again.seam_compliance_root.size
+    assert first.coupling_compliance_root.size and not again.coupling_compliance_root.size
     run.solver.snapshot()
     run.n_steps += 1
     after = run.solver.advance(_coupled(run, force, 0, {}))
-    assert after.seam_compliance_root.shape == first.seam_compliance_root.shape
+    assert after.coupling_compliance_root.shape == first.coupling_compliance_root.shape
     assert run.solver.advance(run.request(exchange=1)).correctable, "by a factor without a stiffness beside it, too"
 
 
@@ -139,10 +139,12 @@ def test_fem_tells_the_yield_of_the_factor_after_a_hard_step_however_many_came_b
         run.solver.restore(rest)
         for n in range(n_before):
             request = _coupled(run, still, n, {})
-            stiffness = (1.0 + n) * request.seam_impedance
-            assert run.solver.advance(dataclasses.replace(request, seam_impedance=stiffness)).seam_compliance_root.size
+            stiffness = (1.0 + n) * request.coupling_impedance
+            assert run.solver.advance(
+                dataclasses.replace(request, coupling_impedance=stiffness)
+            ).coupling_compliance_root.size
         assert not run.solver.advance(_coupled(run, still + 0.01, n_before, {})).correctable
-        assert run.solver.advance(_coupled(run, still, n_before + 1, {})).seam_compliance_root.size, n_before
+        assert run.solver.advance(_coupled(run, still, n_before + 1, {})).coupling_compliance_root.size, n_before
 
 
 def _pbd(length: int, spin: bool = False) -> PbdRun:
@@ -235,7 +237,7 @@ def test_a_correction_that_comes_again_is_made_once() -> None:
         run.n_steps += 1
         second = server.handle(run.request(force))
         assert isinstance(second, Advanced) and 0.0 < second.seconds < 10.0
-        ends.append(second.seam_x)
+        ends.append(second.coupling_x)
     np.testing.assert_array_equal(ends[0], ends[1])
     assert np.abs(ends[0] - ends[2]).max() > 1e-9
 

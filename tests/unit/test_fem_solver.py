@@ -53,7 +53,7 @@ def test_requests_give_the_same_bits(grip: FemRun) -> None:
     for _ in range(2):
         grip.solver.restore(state)
         steps = [grip.solver.advance(_numbered(grip, force, n)) for n in range(5)]
-        replies.append([(r.seam_x.tobytes(), r.wrench.tobytes(), r.kinetic) for r in steps])
+        replies.append([(r.coupling_x.tobytes(), r.wrench.tobytes(), r.kinetic) for r in steps])
     assert replies[0] == replies[1]
 
 
@@ -72,7 +72,7 @@ def test_a_run_goes_on_alike_after_snapshot_and_restore(grip: FemRun) -> None:
     other.position, other.n_steps = grip.position, grip.n_steps
     for _ in range(5):
         mine, theirs = grip.step(CLOSE), other.step(CLOSE)
-        assert mine.seam_x.tobytes() == theirs.seam_x.tobytes()
+        assert mine.coupling_x.tobytes() == theirs.coupling_x.tobytes()
         assert mine.wrench.tobytes() == theirs.wrench.tobytes()
     assert grip.solver.snapshot() == other.solver.snapshot()
 
@@ -84,10 +84,10 @@ def test_a_higher_exchange_starts_from_the_committed_state(grip: FemRun) -> None
     first = grip.solver.advance(_numbered(grip, zero, 0))
     second = grip.solver.advance(_numbered(grip, force, 0, 1))
     third = grip.solver.advance(_numbered(grip, zero, 0, 2))
-    assert np.abs(second.seam_x - first.seam_x).max() > 1e-6
-    np.testing.assert_allclose(third.seam_x, first.seam_x, atol=1e-8)
+    assert np.abs(second.coupling_x - first.coupling_x).max() > 1e-6
+    np.testing.assert_allclose(third.coupling_x, first.coupling_x, atol=1e-8)
     later = grip.solver.advance(_numbered(grip, zero, 1))
-    assert np.abs(later.seam_x - third.seam_x).max() > 1e-6
+    assert np.abs(later.coupling_x - third.coupling_x).max() > 1e-6
 
 
 @pytest.mark.parametrize(("friction", "tolerance"), [(5.0, 1e-3), (0.0, 1e-3), (0.6, 0.2)])
@@ -104,8 +104,8 @@ def test_compliance_is_the_derivative_of_the_seam(friction: float, tolerance: fl
     assert reply.n_contacts >= 30
     way = np.random.default_rng(1).standard_normal(zero.shape)
     e = 1e-4
-    ahead = run.solver.advance(run.request(force=e * way, exchange=1)).seam_x
-    behind = run.solver.advance(run.request(force=-e * way, exchange=2)).seam_x
+    ahead = run.solver.advance(run.request(force=e * way, exchange=1)).coupling_x
+    behind = run.solver.advance(run.request(force=-e * way, exchange=2)).coupling_x
     expected = (reply.compliance @ way.ravel()).reshape(-1, 3)
     np.testing.assert_allclose((ahead - behind) / (2.0 * e), expected, atol=tolerance * np.abs(expected).max())
 
@@ -158,8 +158,8 @@ def _failures(run: FemRun) -> dict[str, Advance]:
     seam = len(run.region.seam)
     bad = run.request().tools
     return {
-        "force": _request(run, seam_force=np.full((seam, 3), np.nan)),
-        "shape": _request(run, seam_force=np.zeros((seam + 1, 3))),
+        "force": _request(run, coupling_force=np.full((seam, 3), np.nan)),
+        "shape": _request(run, coupling_force=np.zeros((seam + 1, 3))),
         "step": _request(run, dt=float("nan")),
         "backwards": _request(run, dt=-0.01),
         "pose": _request(run, tools=dataclasses.replace(bad, position_next=bad.position * np.inf)),
@@ -172,7 +172,7 @@ def test_nonsense_is_refused_and_changes_nothing(grip: FemRun, case: str) -> Non
     with np.errstate(invalid="ignore"):
         reply = grip.solver.advance(_failures(grip)[case])
     assert reply.status != "converged"
-    assert np.isfinite(reply.seam_x).all() and np.isfinite(reply.wrench).all()
+    assert np.isfinite(reply.coupling_x).all() and np.isfinite(reply.wrench).all()
     assert grip.solver.snapshot() == before
 
 
@@ -183,7 +183,7 @@ def test_a_hopeless_step_fails_with_a_remedy_and_without_nan() -> None:
     before = run.solver.snapshot()
     reply = run.solver.advance(run.request(force=np.array([[1e12, 0.0, 0.0]]), dt=1.0))
     assert "shorten the step" in reply.why and "cell" in reply.why
-    for value in (reply.seam_x, reply.wrench, reply.momentum, reply.bounds, reply.cell_distance):
+    for value in (reply.coupling_x, reply.wrench, reply.momentum, reply.bounds, reply.cell_distance):
         assert not np.isnan(value).any()
     assert run.solver.snapshot() == before
     run.n_steps += 1

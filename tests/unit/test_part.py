@@ -94,7 +94,7 @@ def test_who_writes_two_methods_claims_nothing_and_tells_the_rest() -> None:
     assert isinstance(reply, Configured)
     assert reply.capabilities == Capabilities(False, False, False, 1, False, False, 0.0)
     step = taken(one, 0)
-    assert step.seam_work > 0.0 and step.kinetic > 0.0 and not step.correctable
+    assert step.coupling_work > 0.0 and step.kinetic > 0.0 and not step.correctable
     fields = seen(one)
     np.testing.assert_allclose(fields.point_x[0], fields.x[0], atol=1e-12)  # the first corner
     assert fields.cauchy.shape == (2, 8, 6)
@@ -110,7 +110,7 @@ def test_who_writes_a_response_corrects_by_it() -> None:
     moved = ask(one, correct(header(0, 1)))
     redone = taken(one, 0, 2)
     assert isinstance(moved, Advanced)
-    np.testing.assert_allclose(moved.seam_x, redone.seam_x, atol=1e-15)  # springs are linear
+    np.testing.assert_allclose(moved.coupling_x, redone.coupling_x, atol=1e-15)  # springs are linear
 
 
 def test_what_is_not_claimed_is_refused_with_the_remedy() -> None:
@@ -120,7 +120,7 @@ def test_what_is_not_claimed_is_refused_with_the_remedy() -> None:
         "ValueError: this participant reports no compliance, as its capabilities say: ask for none",
     )
     assert "cannot be corrected" in refused(one, correct(header(1, 1)))[1]
-    anchored = replace(advance(header(1, 1)), seam_target=PUSH, seam_impedance=np.eye(27))
+    anchored = replace(advance(header(1, 1)), coupling_target=PUSH, coupling_impedance=np.eye(27))
     assert "constant forces alone" in refused(one, anchored)[1]
 
 
@@ -246,10 +246,10 @@ def test_sessions_and_parts_do_not_meet() -> None:
         (lambda r: replace(r, dt=float("nan")), "time step is nan"),
         (lambda r: replace(r, dt=0.0), "time step is 0.0"),
         (lambda r: replace(r, dt=float("inf")), "time step is inf"),
-        (lambda r: replace(r, seam_force=PUSH[:4]), "shape (4, 3)"),
-        (lambda r: replace(r, seam_force=PUSH[:, :2]), "shape (9, 2)"),
-        (lambda r: replace(r, seam_force=np.nan * PUSH), "finite numbers"),
-        (lambda r: replace(r, seam_force_start=PUSH), "constant forces alone"),
+        (lambda r: replace(r, coupling_force=PUSH[:4]), "shape (4, 3)"),
+        (lambda r: replace(r, coupling_force=PUSH[:, :2]), "shape (9, 2)"),
+        (lambda r: replace(r, coupling_force=np.nan * PUSH), "finite numbers"),
+        (lambda r: replace(r, coupling_force_start=PUSH), "constant forces alone"),
         (lambda r: replace(r, tools=replace(r.tools, position=np.zeros((1, 3)))), "send a row for each"),
     ],
 )

@@ -67,7 +67,7 @@ def test_a_step_is_tentative_until_it_is_committed() -> None:
     assert _bits(first) == _bits(again) != _bits(other)
     run.solver.commit()
     run.solver.commit()  # nothing tentative: nothing happens
-    np.testing.assert_array_equal(run.x[run.region.seam], again.seam_x)
+    np.testing.assert_array_equal(run.x[run.region.seam], again.coupling_x)
 
 
 def test_restored_runs_go_on_with_the_same_bits() -> None:
@@ -166,7 +166,7 @@ def test_compliance_is_the_derivative_of_the_step(kind: str, dt: float, damping:
         for sign in (1.0, -1.0):
             pushed = force.copy()
             pushed.reshape(-1)[column] += sign * 1e-6
-            ends.append(run.solver.advance(run.request(pushed)).seam_x.ravel())
+            ends.append(run.solver.advance(run.request(pushed)).coupling_x.ravel())
         difference[:, column] = (ends[0] - ends[1]) / 2e-6
     assert np.linalg.norm(compliance - difference) < 0.05 * np.linalg.norm(difference)
     assert np.linalg.eigvalsh(compliance + compliance.T).min() > 0.0
@@ -182,11 +182,13 @@ def test_seam_work_and_balance() -> None:
     for _ in range(40):
         start = run.x[run.region.seam]
         after = run.step(force)
-        np.testing.assert_allclose(after.seam_work, np.sum(force * (after.seam_x - start)), rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(
+            after.coupling_work, np.sum(force * (after.coupling_x - start)), rtol=1e-9, atol=1e-15
+        )
         rise = (after.kinetic + after.strain + after.gravity) - (before.kinetic + before.strain + before.gravity)
         # Implicit Euler dissipates, and only that; most of the little energy that is left while the load shakes it.
         energy = after.kinetic + after.strain
-        assert -0.3 * energy < rise - after.seam_work < 1e-3 * energy
+        assert -0.3 * energy < rise - after.coupling_work < 1e-3 * energy
         before = after
 
 
@@ -230,7 +232,7 @@ def test_requests_that_are_not_finite_are_answered_and_change_nothing(what: str)
     before = run.solver.snapshot()
     request = run.request(compliance=True)
     if what == "seam force":
-        request.seam_force[0, 0] = np.nan
+        request.coupling_force[0, 0] = np.nan
     elif what == "dt":
         request = dataclasses.replace(request, dt=float("nan"))
     else:
@@ -246,8 +248,8 @@ def test_requests_that_are_not_finite_are_answered_and_change_nothing(what: str)
 def test_a_seam_that_yields_is_refused_by_name() -> None:
     run = _split()
     before = run.solver.snapshot()
-    request = dataclasses.replace(run.request(compliance=True), seam_target=run.x[run.region.seam])
-    assert "seam_target" in run.solver.advance(request).why
+    request = dataclasses.replace(run.request(compliance=True), coupling_target=run.x[run.region.seam])
+    assert "coupling_target" in run.solver.advance(request).why
     assert run.solver.snapshot() == before
 
 
@@ -256,7 +258,7 @@ def test_a_force_beyond_all_reason_fails_with_a_remedy() -> None:
     force = np.full((len(run.region.seam), 3), 1e200)
     reply = run.solver.advance(run.request(force))
     assert "fem" in reply.why
-    assert np.isfinite(reply.seam_x).all()
+    assert np.isfinite(reply.coupling_x).all()
     assert run.solver.advance(run.request(np.zeros_like(force), exchange=1)).status == "converged"
 
 

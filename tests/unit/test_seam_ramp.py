@@ -34,7 +34,7 @@ def pbd(substeps: int = 7) -> PbdRun:
 def ramped(run: Run, start: Floats, end: Floats, compliance: bool = False, exchange: int = 0) -> Advance:
     request = run.request(end) if isinstance(run, PbdRun) else run.request(force=end, dt=DT)
     header = dataclasses.replace(request.header, exchange=exchange)
-    return dataclasses.replace(request, header=header, dt=DT, compliance=compliance, seam_force_start=start)
+    return dataclasses.replace(request, header=header, dt=DT, compliance=compliance, coupling_force_start=start)
 
 
 def forces(run: Run, seed: int) -> Floats:
@@ -66,7 +66,7 @@ def test_compliance_of_a_ramp_is_the_derivative_of_the_velocities(name: str) -> 
     assert reply.status == "converged"
     way = forces(run, 5)
     ahead, behind = (
-        run.solver.advance(ramped(run, start, end + sign * way, exchange=i + 1)).seam_v
+        run.solver.advance(ramped(run, start, end + sign * way, exchange=i + 1)).coupling_v
         for i, sign in enumerate((0.5, -0.5))
     )
     expected = (ahead - behind).ravel()
@@ -80,11 +80,11 @@ def test_a_ramp_that_does_not_rise_is_a_constant_force(name: str) -> None:
     one, two = moving(RUNS[name]()), moving(RUNS[name]())
     force = forces(one, 9)
     ramp = one.solver.advance(ramped(one, force, force))
-    constant = two.solver.advance(dataclasses.replace(ramped(two, force, force), seam_force_start=np.zeros((0, 3))))
-    np.testing.assert_array_equal(ramp.seam_x, constant.seam_x)
-    assert ramp.seam_work == pytest.approx(constant.seam_work, rel=1e-12)
-    assert ramp.seam_v.shape == force.shape
-    assert constant.seam_v.shape == (0, 3)
+    constant = two.solver.advance(dataclasses.replace(ramped(two, force, force), coupling_force_start=np.zeros((0, 3))))
+    np.testing.assert_array_equal(ramp.coupling_x, constant.coupling_x)
+    assert ramp.coupling_work == pytest.approx(constant.coupling_work, rel=1e-12)
+    assert ramp.coupling_v.shape == force.shape
+    assert constant.coupling_v.shape == (0, 3)
 
 
 def test_every_substep_of_pbd_feels_its_own_force() -> None:
@@ -99,9 +99,9 @@ def test_every_substep_of_pbd_feels_its_own_force() -> None:
         reply = parts.solver.advance(request)
         parts.solver.commit()
         parts.n_steps += 1
-        work += reply.seam_work
-    np.testing.assert_allclose(whole.seam_x, reply.seam_x, atol=1e-9)
-    assert whole.seam_work == pytest.approx(work, rel=1e-4)
+        work += reply.coupling_work
+    np.testing.assert_allclose(whole.coupling_x, reply.coupling_x, atol=1e-9)
+    assert whole.coupling_work == pytest.approx(work, rel=1e-4)
 
 
 @pytest.mark.parametrize("name", ["bdf2", "newmark"])
@@ -118,10 +118,10 @@ def test_a_ramp_works_over_parts_of_a_step_as_over_as_many_steps(name: str, monk
     for j in range(n):
         request = ramped(parts, start + j / n * (end - start), start + (j + 1) / n * (end - start))
         part = parts.solver.advance(dataclasses.replace(request, dt=DT / n))
-        work += part.seam_work
+        work += part.coupling_work
         parts.n_steps += 1
-    np.testing.assert_allclose(reply.seam_x, part.seam_x, atol=1e-9)
-    assert reply.seam_work == pytest.approx(work, rel=1e-6)
+    np.testing.assert_allclose(reply.coupling_x, part.coupling_x, atol=1e-9)
+    assert reply.coupling_work == pytest.approx(work, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -144,16 +144,16 @@ def test_ramps_that_make_no_sense_are_refused(name: str) -> None:
     end = forces(run, 0)
     good = ramped(run, end, end)
     cases = {
-        "at the step's start has shape": dataclasses.replace(good, seam_force_start=np.zeros((1, 3))),
-        "not finite": dataclasses.replace(good, seam_force_start=np.full_like(end, np.nan)),
-        "send one of the two": dataclasses.replace(good, seam_target=np.zeros_like(end)),
+        "at the step's start has shape": dataclasses.replace(good, coupling_force_start=np.zeros((1, 3))),
+        "not finite": dataclasses.replace(good, coupling_force_start=np.full_like(end, np.nan)),
+        "send one of the two": dataclasses.replace(good, coupling_target=np.zeros_like(end)),
     }
     before = run.solver.snapshot()
     for words, request in cases.items():
         reply = run.solver.advance(request)
         assert words in reply.why
         assert reply.status != "converged"
-        assert np.isfinite(reply.seam_v).all()
+        assert np.isfinite(reply.coupling_v).all()
         assert run.solver.snapshot() == before
 
 

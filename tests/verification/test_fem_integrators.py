@@ -305,14 +305,14 @@ def test_midpoint_beside_pbd_gains_nothing_and_loses_less() -> None:
 
 @pytest.mark.parametrize("kind", ["implicit_euler", "midpoint"])
 def test_compliance_is_the_derivative_of_the_end(kind: IntegratorKind) -> None:
-    """d(seam_x)/d(seam_force) against central differences, in a body that moves and is bent."""
+    """d(coupling_x)/d(coupling_force) against central differences, in a body that moves and is bent."""
 
     def at(force: NDArray[np.float64], compliance: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         scene = with_integrator(block(cell=0.05, poisson=0.3, body=CLAMPED), kind, 0.7 if kind == "midpoint" else None)
         run = FemRun(scene, seam=lambda body, cells: np.flatnonzero(body.x_rest[:, 2] > 0.049).astype(np.int32))
         run.run(0.02, dt=0.005, force=np.tile([0.05, 0.0, -0.02], (9, 1)))
         reply = run.solver.advance(run.request(dt=0.005, force=force, compliance=compliance))
-        return reply.seam_x, reply.compliance
+        return reply.coupling_x, reply.compliance
 
     rest = np.tile([0.05, 0.0, -0.02], (9, 1))
     inverse = at(rest, True)[1]

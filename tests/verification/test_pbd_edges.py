@@ -181,7 +181,7 @@ def probed(run: PbdRun) -> tuple[Floats, Floats]:
         for sign in (1.0, -1.0):
             force = np.zeros(len(compliance))
             force[column] = sign * 1e-6
-            ends.append(run.solver.advance(run.request(force.reshape(-1, 3))).seam_x.ravel())
+            ends.append(run.solver.advance(run.request(force.reshape(-1, 3))).coupling_x.ravel())
         difference[:, at] = (ends[0] - ends[1]) / 2e-6
     return compliance[:, columns], difference
 

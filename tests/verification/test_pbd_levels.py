@@ -229,8 +229,8 @@ def test_the_compliance_of_a_seam_that_hangs_is_what_a_step_does(boxes: dict[str
     h = run.solver.advance(run.request(compliance=True)).compliance
     assert np.linalg.matrix_rank(h, tol=1e-8 * np.abs(h).max()) == worker == 3 * len(run.solver.model.seam)
     force = 1e-3 * np.random.default_rng(0).standard_normal((25, 3))
-    rest = run.solver.advance(run.request(exchange=1)).seam_x
-    pushed = run.solver.advance(run.request(force, exchange=2)).seam_x
+    rest = run.solver.advance(run.request(exchange=1)).coupling_x
+    pushed = run.solver.advance(run.request(force, exchange=2)).coupling_x
     moved = (pushed - rest).ravel()
     np.testing.assert_allclose(h @ force.ravel(), moved, atol=3e-3 * np.abs(moved).max())
     run.solver.advance(run.request(exchange=3))

@@ -187,7 +187,10 @@ def test_the_side_that_owns_the_seam_has_the_points_in_faces(near: list[int]) ->
     cells = np.array(near, dtype=np.int32)
     others = np.setdiff1d(np.arange(whole.body.n_cells), cells).astype(np.int32)
     seam = shared_nodes(whole.body, cells, others)
-    mine, far = build_region(whole.body, cells, seam), build_region(whole.body, others, seam, owns_seam_points=False)
+    mine, far = (
+        build_region(whole.body, cells, seam),
+        build_region(whole.body, others, seam, owns_coupling_points=False),
+    )
     assert touched_faces(whole.body, mine, whole.tools)[0].all()
     assert not touched_faces(whole.body, far, whole.tools)[0].any()
 

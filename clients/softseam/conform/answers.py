@@ -15,7 +15,7 @@ correction may be off by, which FEM is by 0.0005, to second order, and XPBD by 0
 
 def _told(part: ExaminedPart, reply: Advanced, before: Floats | None = None) -> Floats:
     """The compliance that a reply tells, in either form, or what was told before. Raises Unmet."""
-    root, n = reply.seam_compliance_root, 3 * len(part.coupling)
+    root, n = reply.coupling_compliance_root, 3 * len(part.coupling)
     H = root @ root.T if root.size else reply.compliance
     if before is not None and not H.size:
         return before
@@ -40,7 +40,7 @@ def predicts(service: Service) -> None:
     """The compliance tells how far a small force moves the coupling nodes in a step, to 5 %."""
     part, force = ExaminedPart(service), some_force()
     still = part.advance(0, 0, None, compliance=True)
-    went = part.advance(0, 1, force).seam_x - still.seam_x
+    went = part.advance(0, 1, force).coupling_x - still.coupling_x
     told = (_told(part, still) @ force.ravel()).reshape(-1, 3)
     near("the move that the compliance tells", told, went, 0.05 * float(np.abs(went).max()))
 
@@ -56,12 +56,12 @@ def corrects(service: Service) -> None:
         reply = part.advance(step, 0, pull, compliance=step == 0)
         expect(reply.correctable, "a step that can be corrected, as declared", "correctable: false")
         H = _told(part, reply, H if step else None)
-        moved = part.correct(step, 1, push, pull + push).seam_x - reply.seam_x
+        moved = part.correct(step, 1, push, pull + push).coupling_x - reply.coupling_x
         size = float(np.abs(moved).max())
         near("the move that was told", moved, (H @ push.ravel()).reshape(-1, 3), 1e-9 + _TOLD * size)
         expect(size > 0.0, "a move", "none")
         if step == 0:
-            redone = part.advance(step, 2, pull + push).seam_x - reply.seam_x
+            redone = part.advance(step, 2, pull + push).coupling_x - reply.coupling_x
             near("what redoing the step gives", moved, redone, _CORRECTED * size)
 
 
@@ -78,7 +78,7 @@ def goes_on(service: Service) -> None:
         corrected = part.correct(0, 1, push, push, then if together else None)
         went = corrected.then or part.advance(1, 0, some_force(2e-3, 2))
         expect(went.header == then.header, "Advanced.then with the header of Correct.then", went.header)
-        ends.append((corrected.seam_x, went.seam_x, part.advance(2, 0).seam_x))
+        ends.append((corrected.coupling_x, went.coupling_x, part.advance(2, 0).coupling_x))
         service.release()
     for one, other in zip(*ends, strict=True):
         expect(np.array_equal(one, other), "the same bits as in two requests", f"{np.abs(one - other).max():.3g} m off")

@@ -30,7 +30,7 @@ def _refused(make: Callable[[ExaminedPart], bytes], *kinds: str) -> Callable[[Se
             again = part.advance(1, 0, some_force())
             expect(bits(again) == bits(before), "the same bytes for the request before the refusal", "others")
         after = part.advance(1, 5, some_force())
-        near("the same step as before the refusal", after.seam_x, before.seam_x, 1e-7 * EDGE)
+        near("the same step as before the refusal", after.coupling_x, before.coupling_x, 1e-7 * EDGE)
 
     return check
 
@@ -50,7 +50,7 @@ stale = _refused(lambda part: encode(part.request(0, 3)), "stale")
 epoch = _refused(lambda part: _of(part, epoch=part.configure.header.epoch - 1), "stale")
 ahead = _refused(lambda part: encode(part.request(7)), "stale")
 unknown = _refused(lambda part: _of(part, session="nobody"), "not_configured")
-shape = _refused(lambda part: encode(replace(part.request(1, 1), seam_force=np.zeros((4, 3)))), "invalid")
+shape = _refused(lambda part: encode(replace(part.request(1, 1), coupling_force=np.zeros((4, 3)))), "invalid")
 nan = _refused(_nan, "invalid")
 schema = _refused(lambda part: _of(part, schema=SCHEMA_VERSION + 1), "schema")
 model = _refused(

@@ -23,7 +23,7 @@ class Resimulation(Protocol):
 
 
 _EXACT = ("tool_position", "tool_orientation", "wrench", "momentum", "angular_momentum")
-_FIELDS = ("x", "multiplier", "seam_nodes", "contact_force", "cauchy", "cell_energy")
+_FIELDS = ("x", "multiplier", "coupling_nodes", "contact_force", "cauchy", "cell_energy")
 Opener = Callable[[Bundle, int], AbstractContextManager[Resimulation]]
 """opens a simulation of a scene at its start, with a seed"""
 

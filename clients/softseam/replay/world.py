@@ -149,7 +149,7 @@ class BodyLog:
             self._at.contact,
             rr.Arrows3D(origins=contact[0] - contact[1], vectors=contact[1], colors=colors.CONTACT, radii=thick),
         )
-        seam = frame.x[frame.seam_nodes]
+        seam = frame.x[frame.coupling_nodes]
         multiplier = _arrows(seam, frame.multiplier, self._scales.multiplier, reach)
         self._stream.log(
             self._at.multiplier,

@@ -180,7 +180,7 @@ class OneWay:
             before, asked = x, requests
             requests = {name: self._request(name, multipliers, target) for name in self._parts}
             replies = ask(requests)
-            x = {name: reply.seam_x for name, reply in replies.items()}
+            x = {name: reply.coupling_x for name, reply in replies.items()}
             self._measure(replies, x, before, moves, requests, asked)
             self._receive(replies, requests)
             gap = self._closure.gap(x)
@@ -314,7 +314,7 @@ class OneWay:
         news = False
         for name, part in self._parts.items():
             reply, linearity = replies[name], self._linearity[name]
-            root, compliance = reply.seam_compliance_root, reply.compliance
+            root, compliance = reply.coupling_compliance_root, reply.compliance
             if not (root.size or compliance.size) or not np.isfinite(root).all() or not np.isfinite(compliance).all():
                 continue
             if name == self._impedance_part:
@@ -391,10 +391,10 @@ class OneWay:
             self._target.commit(self._closure.target(self._impedance_part, x), self._dt)
 
     def _outcome(self, replies: dict[str, Advanced], multipliers: Floats, exchanges: int, note: str = "") -> Outcome:
-        gap = self._closure.gap({name: reply.seam_x for name, reply in replies.items()})
+        gap = self._closure.gap({name: reply.coupling_x for name, reply in replies.items()})
         return Outcome(replies, multipliers, largest(self._closure.left(gap, multipliers)), exchanges, note)
 
 
 def _acted(reply: Advanced, request: PartRequest) -> Floats:
     """Force that acted on a part's nodes (n, 3) [N]."""
-    return reply.seam_force if len(reply.seam_force) else request.force
+    return reply.coupling_force if len(reply.coupling_force) else request.force

@@ -88,7 +88,7 @@ class Staggered:
             reported = reply.compliance
             if self._asks and reported.size and np.isfinite(reported).all() and np.trace(reported) > 0.0:
                 self._stiffness, self._asks, before = _inverse(reported), False, math.inf
-            left = gap_of(self._parts, {self._put: reply.seam_x, self._free: other.seam_x}, self._offset)
+            left = gap_of(self._parts, {self._put: reply.coupling_x, self._free: other.coupling_x}, self._offset)
             gap = largest(left)
             if not math.isfinite(gap):
                 break

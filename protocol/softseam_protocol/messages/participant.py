@@ -91,11 +91,11 @@ class Configure:
     bundle: Bundle
     model: str
     cells: Ids
-    seam_nodes: Ids
+    coupling_nodes: Ids
     """global node ids tied to the other side, ascending, clamped nodes left out (s,)"""
     state: BodyState | None = None
-    owns_seam_points: bool = True
-    """whether contact at surface points on the seam is this side's"""
+    owns_coupling_points: bool = True
+    """whether contact at surface points on the coupling nodes is this part's"""
     body: NameText = ONLY_BODY
     """of the scene, whose cells they are"""
     mesh: PartMesh | None = None
@@ -112,7 +112,7 @@ class Capabilities:
     corrects: bool
     """moves a tentative step on by its linear answer to a force (`Correct`)"""
     impedance: bool
-    """takes the parts beyond its coupling nodes into its own solve (`Advance.seam_impedance`)"""
+    """takes the parts beyond its coupling nodes into its own solve (`Advance.coupling_impedance`)"""
     substeps: Count
     """substeps a step; 1: none"""
     stress: bool
@@ -159,27 +159,28 @@ class ToolMotion:
 class Advance:
     """Advance tentatively by one step; a new step number commits the tentative step before it.
 
-    The same step with a higher exchange number rolls back and redoes the step with the new seam force.
+    The same step with a higher exchange number rolls back and redoes the step with the new coupling force.
     """
 
     header: Header
     dt: float
-    seam_force: Vectors
-    """force on this side's seam nodes, constant over the step, or at its end (s, 3) [N]; see seam_force_start"""
+    coupling_force: Vectors
+    """force on the part's coupling nodes, constant over the step, or at its end (s, 3) [N]; see coupling_force_start"""
     tools: ToolMotion
     compliance: bool = False
-    """also return d(seam_x)/d(seam_force); where the force is linear in time, d(seam_v)/d(seam_force)"""
-    seam_target: Vectors = field(default_factory=NO_VECTORS)
-    """where the other side would be without a change of force (s, 3) [m]; empty: the seam force is constant"""
-    seam_impedance: Matrix = field(default_factory=NO_MATRIX)
-    """how the other side resists (3s, 3s) [N/m]: the force on the seam is seam_force + stiffness (anchor - seam_x);
-    empty beside an anchor: the last one sent since the last Configure, Snapshot or Restore"""
+    """also return d(coupling_x)/d(coupling_force); where the force is linear in time, that of coupling_v"""
+    coupling_target: Vectors = field(default_factory=NO_VECTORS)
+    """where the other side would be without a change of force (s, 3) [m]; empty: the coupling force is constant"""
+    coupling_impedance: Matrix = field(default_factory=NO_MATRIX)
+    """how the other side resists (3s, 3s) [N/m]: the force on these nodes is coupling_force + stiffness (anchor -
+    coupling_x); empty beside an anchor: the last one sent since the last Configure, Snapshot or Restore"""
     fields: bool = False
     """also return the fields, which spares an `Observe` where this exchange is the step's last"""
-    seam_force_start: Vectors = field(default_factory=NO_VECTORS)
-    """force at the start of the step, from which it goes to seam_force linearly in time (s, 3) [N]; empty: constant"""
+    coupling_force_start: Vectors = field(default_factory=NO_VECTORS)
+    """force at the start of the step, from which it goes to coupling_force linearly in time (s, 3) [N]; empty: it is
+    constant"""
     repeat_compliance: bool = False
-    """tell `Advanced.seam_compliance_root` also if it was told before"""
+    """tell `Advanced.coupling_compliance_root` also if it was told before"""
     turn: Scalars = field(default_factory=NO_SCALARS)
     """of a body in several parts that turns: as the step begins, of all its nodes, mass, m x, m v, m x x v, and m x x
     as xx yy zz yz xz xy; then angular velocity about their centre [rad/s] and velocity [m/s] that every node is to be
@@ -188,13 +189,13 @@ class Advance:
 
 @message
 class Correct:
-    """Move the tentative step on by its linear answer to a force on the seam nodes; it stays tentative."""
+    """Move the tentative step on by its linear answer to a force on the coupling nodes; it stays tentative."""
 
     header: Header
     push: Vectors
-    """by whose answer it is moved on, with the stiffness beyond the seam behind it (s, 3) [N]"""
+    """by whose answer it is moved on, with the stiffness beyond these nodes behind it (s, 3) [N]"""
     force: Vectors
-    """that acts on the seam nodes from then on (s, 3) [N]"""
+    """that acts on the coupling nodes from then on (s, 3) [N]"""
     fields: bool = False
     """also return the fields"""
     then: Advance | None = None
@@ -206,8 +207,8 @@ class Correct:
 class Advanced:
     header: Header
     status: Status
-    seam_x: Vectors
-    """seam positions at the end of the step (s, 3) [m]"""
+    coupling_x: Vectors
+    """positions of the coupling nodes at the end of the step (s, 3) [m]"""
     compliance: Matrix
     """(3s, 3s) [m/N], of a force that is linear in time [m/(N s)], or empty (0, 0)"""
     wrench: Wrenches
@@ -218,8 +219,8 @@ class Advanced:
     """potential energy of gravity relative to the rest position [J]"""
     tool_work: float
     """work of the tools on this region in the step [J]"""
-    seam_work: float
-    """work of the seam force on this region in the step [J]"""
+    coupling_work: float
+    """work of the coupling force on this region in the step [J]"""
     momentum: Vector3
     angular_momentum: Vector3
     """about the world's origin [kg m^2/s]"""
@@ -236,8 +237,8 @@ class Advanced:
     """least distance of each of the region's cells to a tool that makes cells near, inf without one (n_cells,) [m]"""
     bounds: Matrix
     """axis-aligned bounds of the region's nodes, min and max (2, 3) [m]"""
-    seam_force: Vectors = field(default_factory=NO_VECTORS)
-    """force that acted on the seam nodes (s, 3) [N]; empty: the one that was asked for"""
+    coupling_force: Vectors = field(default_factory=NO_VECTORS)
+    """force that acted on the coupling nodes (s, 3) [N]; empty: the one that was asked for"""
     fields: Fields | None = None
     n_blended: Count = 0
     """cells squeezed so far that they count in part with full quadrature"""
@@ -253,13 +254,13 @@ class Advanced:
     """PBD: what the stress of the blocks lacks to that of their shapes at the end of the step, relative [1]"""
     alarm: str = ""
     """what the participant's monitor saw and did about it in this step; empty where that was nothing"""
-    seam_v: Vectors = field(default_factory=NO_VECTORS)
-    """seam velocities at the end of the step (s, 3) [m/s]; empty where the seam force was constant"""
+    coupling_v: Vectors = field(default_factory=NO_VECTORS)
+    """velocities of the coupling nodes at the end of the step (s, 3) [m/s]; empty where the force was constant"""
     correctable: bool = False
     """whether this tentative step can be corrected (`Correct`)"""
-    seam_compliance_root: Matrix = field(default_factory=NO_MATRIX)
-    """R with d(seam_x)/d(seam_force) = R R^T by which it would be corrected, beside an anchor with the stiffness
-    (3s, 3s) [(m/N)^(1/2)]; empty: as in the reply before"""
+    coupling_compliance_root: Matrix = field(default_factory=NO_MATRIX)
+    """R with d(coupling_x)/d(coupling_force) = R R^T by which it would be corrected, beside an anchor with the
+    stiffness (3s, 3s) [(m/N)^(1/2)]; empty: as in the reply before"""
     why: str = ""
     """what went wrong and the remedy, where the status is not `converged`"""
     alarm_details: list[Detail] = field(default_factory=list)

@@ -165,7 +165,7 @@ class Frame:
     contact_force: Vectors
     """(P, 3) [N]"""
     contact_tool: ToolIds
-    seam_nodes: Ids
+    coupling_nodes: Ids
     multiplier: Vectors
     """seam force on the near side (s, 3) [N]"""
     tool_position: Vectors

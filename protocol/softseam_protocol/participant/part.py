@@ -48,7 +48,7 @@ class Part(ABC):
         """as the scene describes it"""
         self.gravity = np.array(self.scene["gravity"], dtype=float)
         """(3,) [m/s^2]"""
-        self.coupling = np.searchsorted(mesh.nodes, request.seam_nodes)
+        self.coupling = np.searchsorted(mesh.nodes, request.coupling_nodes)
         """places of the coupling nodes among the part's (s,)"""
         if type(self).surface is Part.surface and has_tetrahedra(mesh):
             raise ValueError("a cell is a tetrahedron: this participant knows hexahedra alone")

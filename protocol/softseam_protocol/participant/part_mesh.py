@@ -25,7 +25,7 @@ def mesh_of(request: Configure) -> PartMesh:
     lengths |= {(len(mesh.point_cell), p), (len(mesh.point_local), p)}
     whole = all(came == wanted for came, wanted in lengths) and bool(n and c and (np.diff(mesh.nodes) > 0).all())
     within = mesh.cell_nodes.max(initial=0) < n and mesh.point_cell.max(initial=0) < max(c, 1)
-    if not (whole and within and np.isin(request.seam_nodes, mesh.nodes).all()):
+    if not (whole and within and np.isin(request.coupling_nodes, mesh.nodes).all()):
         raise ValueError("Configure.mesh names nodes or cells that it has not: send the mesh of the cells it names")
     return mesh
 

@@ -50,7 +50,7 @@ class PartSolver:
         self._asked: Advance | None = None  # which led to the tentative state
         self._told: tuple[State, float, Floats] | None = None  # begin, dt and response that the coupling counts with
         self._rows = (3 * part.coupling[:, None] + np.arange(3)).ravel()
-        shape = part.mesh.nodes.tobytes() + part.mesh.x_rest.tobytes() + request.seam_nodes.tobytes()
+        shape = part.mesh.nodes.tobytes() + part.mesh.x_rest.tobytes() + request.coupling_nodes.tobytes()
         self._kind = hashlib.sha256(shape).digest()
 
     @property
@@ -85,10 +85,10 @@ class PartSolver:
                 )
             forces = [request.push, request.force]
         else:
-            forces, motion = [request.seam_force], request.tools
+            forces, motion = [request.coupling_force], request.tools
             if not (np.isfinite(request.dt) and request.dt > 0.0):
                 raise ValueError(f"the time step is {request.dt} s: send one that is positive")
-            if len(request.seam_target) or len(request.seam_force_start):
+            if len(request.coupling_target) or len(request.coupling_force_start):
                 raise ValueError("this participant takes constant forces alone: send no anchor and no force at first")
             if request.compliance and not self.capabilities.compliance:
                 raise ValueError("this participant reports no compliance, as its capabilities say: ask for none")
@@ -104,8 +104,8 @@ class PartSolver:
         """Take a step from the committed state, tentatively; where the part raises, nothing changes."""
         began, begin, dt, reported = perf_counter(), self.committed, request.dt, self._told
         try:
-            end = sound(self.part.step(begin, dt, request.seam_force, request.tools), begin)
-            reply = self._reply(request.header, request, end, request.seam_force)
+            end = sound(self.part.step(begin, dt, request.coupling_force, request.tools), begin)
+            reply = self._reply(request.header, request, end, request.coupling_force)
             if request.compliance:
                 reported = begin, dt, self._response(begin, dt)
                 reply = replace(reply, compliance=reported[2][self._rows])
@@ -116,7 +116,7 @@ class PartSolver:
         else:
             self.tentative, self._asked, self._told = end, request, reported
             return replace(reply, correctable=self._correctable, seconds=perf_counter() - began)
-        still = self._reply(request.header, request, replace(begin, advanced={}), request.seam_force)
+        still = self._reply(request.header, request, replace(begin, advanced={}), request.coupling_force)
         self.tentative = self._asked = None
         return replace(still, status=status, why=why, seconds=perf_counter() - began)
 
@@ -199,14 +199,14 @@ class PartSolver:
         reported = Advanced(
             header=header,
             status=Status.CONVERGED,
-            seam_x=end.x[part.coupling],
+            coupling_x=end.x[part.coupling],
             compliance=_NONE,
             wrench=np.zeros((len(asked.tools.position), 6)),
             kinetic=kinetic,
             strain=float(part.strain_energy(end).sum()),
             gravity=gravity,
             tool_work=0.0,
-            seam_work=float((force * (end.x - self.committed.x)[part.coupling]).sum()),
+            coupling_work=float((force * (end.x - self.committed.x)[part.coupling]).sum()),
             momentum=momentum.sum(axis=0),
             angular_momentum=np.cross(end.x, momentum).sum(axis=0),
             penetration=0.0,

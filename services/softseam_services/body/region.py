@@ -14,8 +14,8 @@ BESIDE = 1.0
 [half cell edges]: those in the octants beside it."""
 
 
-def build_region(body: Body, cells: Ints, seam_nodes: Ints, owns_seam_points: bool = True) -> Region:
-    """The region of these cells (global ids, made ascending); seam_nodes are global ids, kept in the given order.
+def build_region(body: Body, cells: Ints, coupling_nodes: Ints, owns_coupling_points: bool = True) -> Region:
+    """The region of these cells (global ids, made ascending); coupling_nodes are global ids, kept in the given order.
 
     A surface point that sits on a node of both sides, clamped or not, or closer to the seam than `BESIDE`, belongs to
     the side that owns the seam's points, whatever cell carries it in the body. So contact there is solved by one side,
@@ -27,20 +27,20 @@ def build_region(body: Body, cells: Ints, seam_nodes: Ints, owns_seam_points: bo
         raise ValueError(f"a region needs cells within 0 .. {body.n_cells - 1}, got {len(cells)} of them")
     nodes, local = np.unique(body.cell_nodes[cells], return_inverse=True)
     cell_nodes = local.reshape(-1, 27).astype(np.int32)
-    seam = np.minimum(np.searchsorted(nodes, seam_nodes), len(nodes) - 1)
-    if not np.array_equal(nodes[seam], seam_nodes):
+    seam = np.minimum(np.searchsorted(nodes, coupling_nodes), len(nodes) - 1)
+    if not np.array_equal(nodes[seam], coupling_nodes):
         raise ValueError("a seam node does not belong to the region's cells")
     cell_number = np.full(body.n_cells, -1, dtype=np.int32)
     cell_number[cells] = np.arange(len(cells))
     carrier, point_local = body.surface.cell.copy(), body.surface.local.copy()
-    inside, shared = cell_number >= 0, seam_nodes
-    if len(seam_nodes):
-        _carry_across(body, inside if owns_seam_points else ~inside, carrier, point_local)
+    inside, shared = cell_number >= 0, coupling_nodes
+    if len(coupling_nodes):
+        _carry_across(body, inside if owns_coupling_points else ~inside, carrier, point_local)
         shared = np.intersect1d(body.cell_nodes[inside], body.cell_nodes[~inside])
     point_cell = cell_number[carrier]
     node = node_of_point(body)
     on_seam = np.flatnonzero(np.isin(node, shared))
-    if owns_seam_points:
+    if owns_coupling_points:
         order = np.argsort(cell_nodes, axis=None, kind="stable")
         first = order[np.searchsorted(cell_nodes.reshape(-1)[order], np.searchsorted(nodes, node[on_seam]))]
         point_cell[on_seam] = first // 27

@@ -26,7 +26,7 @@ def build(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Confi
     from softseam_services.fem.solver import FemSolver
 
     body = cast(Body, setup.body)  # it takes no particles: who asks has refused them
-    region = build_region(body, request.cells, request.seam_nodes, request.owns_seam_points)
+    region = build_region(body, request.cells, request.coupling_nodes, request.owns_coupling_points)
     tables = built.find(body, request)
     tables = tables or RegionTables(body, region, setup.tools, setup.scene, built.structures)
     solver = FemSolver(setup.scene, body, region, setup.tools, request.state, tables)

@@ -268,9 +268,9 @@ class FemSolver:
             n_rejected=taken.n_rejected,
             step_error=taken.error,
             alarm=alarm,
-            seam_v=self._now.v[self._region.seam] if len(request.seam_force_start) else _FREE,
+            coupling_v=self._now.v[self._region.seam] if len(request.coupling_force_start) else _FREE,
             correctable=correctable,
-            seam_compliance_root=stepper.new_compliance_root(request.repeat_compliance) if correctable else _NONE,
+            coupling_compliance_root=stepper.new_compliance_root(request.repeat_compliance) if correctable else _NONE,
             why=why,
             alarm_details=[Detail.INSIDE_OUT] if alarm else [],
         )

@@ -37,7 +37,7 @@ class StepInputs(NamedTuple):
     @classmethod
     def of(cls, request: Advance, tools: Tools, parts: int = 1) -> StepInputs:
         """What a request says, with the tools over the step, which is taken in so many parts at least."""
-        told = request.seam_force, request.seam_force_start, request.seam_target, request.seam_impedance
+        told = request.coupling_force, request.coupling_force_start, request.coupling_target, request.coupling_impedance
         return cls(tools, *told, parts, request.turn)
 
     def part(self, number: int) -> StepInputs:

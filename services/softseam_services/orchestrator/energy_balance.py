@@ -70,7 +70,7 @@ class EnergyBalance:
             strain += reply.strain
             gravity += reply.gravity
             tool_work += reply.tool_work
-            seam_work += reply.seam_work
+            seam_work += reply.coupling_work
             passing += reply.passing
             given += reply.given
             material += reply.dissipated

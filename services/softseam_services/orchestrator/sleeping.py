@@ -20,8 +20,8 @@ from softseam_services.tools.tool_set import ToolSet
 Entries = dict[str, NDArray[np.generic]]
 
 _QUIET: dict[str, Any] = {
-    "tool_work": 0.0, "seam_work": 0.0, "passing": 0.0, "given": 0.0, "iterations": 0, "seconds": 0.0, "fields": None,
-    "n_substeps": 1, "n_rejected": 0, "step_error": 0.0, "alarm": "", "alarm_details": [], "then": None,
+    "tool_work": 0.0, "coupling_work": 0.0, "passing": 0.0, "given": 0.0, "iterations": 0, "seconds": 0.0,
+    "fields": None, "n_substeps": 1, "n_rejected": 0, "step_error": 0.0, "alarm": "", "alarm_details": [], "then": None,
 }  # fmt: skip
 """of a reply in steps that the part sleeps through"""
 

@@ -38,7 +38,7 @@ def sum_replies(parts: Sequence[Mapping[str, Advanced]]) -> dict[str, Advanced]:
         name: replace(
             last,
             tool_work=sum(part[name].tool_work for part in parts),
-            seam_work=sum(part[name].seam_work for part in parts),
+            coupling_work=sum(part[name].coupling_work for part in parts),
             passing=sum(part[name].passing for part in parts),
             given=sum(part[name].given for part in parts),
             iterations=sum(part[name].iterations for part in parts),

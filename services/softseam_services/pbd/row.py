@@ -30,7 +30,7 @@ def build(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Confi
     from softseam_services.pbd.model import STRUCTURES, lay_out
     from softseam_services.pbd.solver import PbdSolver
 
-    region = build_region(setup.body, request.cells, request.seam_nodes, request.owns_seam_points)
+    region = build_region(setup.body, request.cells, request.coupling_nodes, request.owns_coupling_points)
     structure = STRUCTURES.find(lay_out(setup.body, region, setup.tools, setup.scene.models.pbd))
     solver = PbdSolver(setup.scene, setup.body, region, setup.tools, request.state, structure)
     size, moving = (len(region.nodes), len(region.cells)), solver.moving

@@ -127,18 +127,18 @@ class PbdSolver:
     def advance(self, request: Advance) -> Advanced:
         start = time.perf_counter()
         refused = problem_of(request, self.model.n_tools, len(self._region.seam))
-        if not refused and len(request.seam_target):
+        if not refused and len(request.coupling_target):
             refused = watch.Fault.ANCHOR.value
         if refused:
             self._taken = stay(self.parameters, self._committed, self._scratch)
         else:
-            inputs = StepInputs(request.tools, request.seam_force, request.seam_force_start, request.turn)
+            inputs = StepInputs(request.tools, request.coupling_force, request.coupling_force_start, request.turn)
             _, self._taken = step(self.model, self.parameters, self._committed, inputs, request.dt, self._scratch)
         self._tentative, self._to_plan = True, self._taken.to_plan
         compliance = np.zeros((0, 0))
         if request.compliance and not refused:
             compliance = self._compliance(request)
-        ramp = len(request.seam_force_start) > 0
+        ramp = len(request.coupling_force_start) > 0
         seam_v = self._scratch.next.v.take(self._region.seam, axis=0) if ramp else NO_FORCES
         return self._reply(request.header, refused or self._taken.why, compliance, seam_v, start)
 
@@ -172,7 +172,7 @@ class PbdSolver:
             n_substeps=taken.n_substeps,
             residual=numbers[k.RESIDUAL],
             alarm="; ".join(taken.notice.values()),
-            seam_v=seam_v,
+            coupling_v=seam_v,
             correctable=self._correctable(),
             why=why,
             alarm_details=list(taken.notice),
@@ -182,7 +182,7 @@ class PbdSolver:
 
     def _compliance(self, request: Advance) -> Floats:
         """Probe the committed state, and keep what was probed, so that a restored participant can probe it again."""
-        committed, tools, ramp = self._committed, request.tools, len(request.seam_force_start) > 0
+        committed, tools, ramp = self._committed, request.tools, len(request.coupling_force_start) > 0
         parts = (committed.x, committed.force, committed.lean, tools.position, tools.orientation, committed.memory)
         self._probed = np.concatenate([[request.dt], *(part.ravel() for part in parts)])
         compliance, self._ways = self._probe_again(ramp)

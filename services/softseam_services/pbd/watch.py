@@ -43,7 +43,7 @@ class Fault(Enum):
 
     NONE = "converged"
     INPUT = "the request cannot be served"
-    ANCHOR = "PBD takes a seam force that is constant over the step: leave seam_target empty on this side"
+    ANCHOR = "PBD takes a seam force that is constant over the step: leave coupling_target empty on this side"
     DIVERGED = "the blocks diverged: take a shorter step, more substeps or sweeps, or make the region fem"
     HASTE = "leapfrog's substep is beyond its limit: take more substeps, or method: xpbd"
     ENERGY = "the energy rises without work: take a shorter step, more substeps or sweeps, or make the region fem"

@@ -68,7 +68,9 @@ class PrakashHjelmstad:
                 }
             )
             self._hear(replies, dt)
-            rate = gap_of(self._parts, {name: reply.seam_v for name, reply in replies.items()}, np.zeros_like(start))
+            rate = gap_of(
+                self._parts, {name: reply.coupling_v for name, reply in replies.items()}, np.zeros_like(start)
+            )
             left = dt * rate + self._left  # eq. (1)
             if not math.isfinite(largest(left)):
                 raise StepDiverged("a part's answer is not finite")
@@ -94,7 +96,7 @@ class PrakashHjelmstad:
     ) -> Outcome:
         self._found.commit(multipliers)
         self._left = left
-        gap = largest(gap_of(self._parts, {name: reply.seam_x for name, reply in replies.items()}, self._offset))
+        gap = largest(gap_of(self._parts, {name: reply.coupling_x for name, reply in replies.items()}, self._offset))
         return Outcome(replies, multipliers, gap, exchanges, note)
 
     def forget_sent(self) -> None:
