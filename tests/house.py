@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,6 +55,17 @@ def matching(pattern: str, outside: str = "^$", inside: str = "") -> Callable[[S
     def count(sources: Sources) -> float:
         texts = [text for path, text in sources.items() if re.search(inside, path) and not re.search(outside, path)]
         return sum(re.search(pattern, line) is not None for text in texts for line in text.splitlines())
+
+    return count
+
+
+def taking(names: Collection[str], outside: str) -> Callable[[Sources], float]:
+    """Attributes of these names that code takes; texts may name keys of scenes and ids of parts as users write them."""
+
+    def count(sources: Sources) -> float:
+        trees = (ast.parse(text) for path, text in sources.items() if not re.search(outside, path))
+        nodes = (node for tree in trees for node in ast.walk(tree))
+        return sum(isinstance(node, ast.Attribute) and node.attr in names for node in nodes)
 
     return count
 
@@ -133,25 +144,25 @@ def _is_fraction(value: ast.expr) -> bool:
 
 SOLVERS = r"softseam_services\.(fem|pbd)\b"
 COUNTS = (
-    Count("lines of the product", lines, 83_650, 66_000),
+    Count("lines of the product", lines, 83_905, 66_000),
     Count("lines of the client", lambda sources: lines(sources, "clients/softseam/"), 14_300, 13_500),
     Count("lines that name a model", matching(r'"(fem|pbd)"', r"services/softseam_services/(fem|pbd)/"), 10, 10),
-    Count("lines with .near or .far", matching(r"\.(near|far)\b", SCENE_AND_VIEW), 99, 0),
-    Count("lines that ask for a kind of body", matching(BODY_KINDS), 16, 10),
-    Count("lines that take the only body", matching(r"scene\.body\b"), 67, 20),
+    Count("places that take .near or .far", taking(("near", "far"), SCENE_AND_VIEW), 0, 0),
+    Count("lines that ask for a kind of body", matching(BODY_KINDS), 4, 10),
+    Count("lines that take the only body", matching(r"scene\.body\b"), 46, 20),
     Count("fields of messages that are called seam", matching(r"^    seam_\w+:", inside="/messages/"), 0, 0),
     Count("imports of solvers in the orchestrator", importing(SOLVERS, "/orchestrator/"), 0, 0),
     Count("client modules that import services", modules_importing("softseam_services", "clients/"), 10, 3),
     Count("tuned constants", constants, 665, 450),
-    Count("lines with tell or told", matching(r"\b(tell|tells|telling|told)\b"), 640, 150),
+    Count("lines with tell or told", matching(r"\b(tell|tells|telling|told)\b"), 634, 150),
     Count(
         "lines of a participant from outside",
         lambda sources: lines(sources, "clients/softseam/examples/participant/"),
         136,
         150,
     ),
-    Count("files that are too long", long_files, 5, 0),
-    Count("imports in percent of lines", import_share, 8.65, 5.0),
+    Count("files that are too long", long_files, 0, 0),
+    Count("imports in percent of lines", import_share, 8.64, 5.0),
 )
 
 

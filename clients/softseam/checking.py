@@ -186,7 +186,7 @@ def _condition(setup: Setup) -> dict[str, str]:
     from softseam_services.pbd.particles.condition import spring_spectrum
 
     scene, body = setup.scene, setup.body
-    if scene.regions.near is not None or body.n_cells > _QUICK:
+    if scene.regions.cut or body.n_cells > _QUICK:
         return {}
     found = condition_of(scene, body, setup.tools, body.x_rest)
     if found is None:
@@ -219,8 +219,7 @@ def _inclusion(kind: str, part: Part) -> str:
 
 def _hidden_viscosity(scene: Scene) -> list[str]:
     """That implicit Euler damps more than the material's viscosity, where fem has cells of it."""
-    near, default = scene.regions.near, scene.regions.default
-    if not scene.body.has_cells or not some_read((default, near.model if near else default), "fem.integrator"):
+    if not scene.body.has_cells or not some_read(scene.regions.models, "fem.integrator"):
         return []
     time = scene.body.cell_materials[0].retardation_time
     if time == 0.0 or scene.step < time or scene.models.fem.integrator != "implicit_euler":
@@ -236,7 +235,7 @@ def _cut_by_borders(scene: Scene, spec: BodySpec, body: Body) -> list[str]:
         return []
     if spec.shape.borders == "even" and inner_ball(spec.shape.size, spec.position, spec.inclusions):
         what = "say body.shape.borders: materials, and they follow it"
-        alone = "" if scene.regions.near is None else ", which takes one model: leave out regions.near"
+        alone = "" if not scene.regions.cut else ", which takes one model: leave out regions.near"
         return [f"a sphere inside the block is made up of octants of cells, as a staircase: {what}{alone}"]
     ball = inner_ball(spec.shape.size, spec.position, spec.inclusions)
     spheres = [part for part in spec.inclusions if isinstance(part.shape, SpherePart)]
@@ -278,13 +277,13 @@ def _models(setup: Setup) -> str:
 
 
 def _regions(regions: RegionsSpec) -> str:
-    near = regions.near
-    if near is None:
-        return f"{regions.default} everywhere"
-    reasons = [f"within {1e3 * near.within:.3g} mm of a tool"] if near.within is not None else []
-    if near.boxes:
-        reasons.append(f"in {len(near.boxes)} boxes")
-    return f"{near.model} {' and '.join(reasons) or 'nowhere'}, {regions.default} elsewhere"
+    default, near = regions.models
+    if not regions.cut:
+        return f"{default} everywhere"
+    reasons = [f"within {1e3 * regions.within:.3g} mm of a tool"] if regions.within is not None else []
+    if regions.boxes:
+        reasons.append(f"in {len(regions.boxes)} boxes")
+    return f"{near} {' and '.join(reasons) or 'nowhere'}, {default} elsewhere"
 
 
 def _steps(scene: Scene) -> str:

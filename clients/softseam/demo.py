@@ -84,8 +84,7 @@ def run_demo(name: str, out: Path | None, console: Console) -> None:
 
 def _both(scene: Scene) -> Model | None:
     """A demo shows the seam also where one model would do."""
-    near = scene.regions.near
-    return None if near is None or near.model == scene.regions.default else "hybrid"
+    return "hybrid" if scene.regions.hybrid else None
 
 
 def _free_port() -> int:

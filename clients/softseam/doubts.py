@@ -103,11 +103,11 @@ def of_body(name: str, doubt: str) -> str:
 
 def _left_to_pbd(scene: Scene, body: Body) -> NDArray[np.bool_]:
     """Cells that PBD has, or may have (C,)."""
-    near, default = scene.regions.near, scene.regions.default
-    left = np.full(body.n_cells, some_read((default, near.model if near else default), "pbd.substeps"))
-    if near is not None and some_read([default], "pbd.substeps") and not some_read([near.model], "pbd.substeps"):
+    default, near = scene.regions.models
+    left = np.full(body.n_cells, some_read((default, near), "pbd.substeps"))
+    if some_read([default], "pbd.substeps") and not some_read([near], "pbd.substeps"):
         middle = body.x_rest[body.cell_nodes[:, 13]]
-        for box in near.boxes:
+        for box in scene.regions.boxes:
             left &= ~((middle >= box.min) & (middle <= box.max)).all(axis=1)
     return left
 
@@ -226,8 +226,8 @@ def _repaired_tools(tools: ToolSet) -> list[str]:
 
 def _locks(scene: Scene) -> list[str]:
     """That FEM's element is too stiff for the scene's material."""
-    near, body = scene.regions.near, scene.body
-    if not body.has_cells or not some_read((scene.regions.default, near.model if near else None), "fem.element"):
+    body = scene.body
+    if not body.has_cells or not some_read(scene.regions.models, "fem.element"):
         return []
     found = element_warning(
         scene.models.fem.element, max(material.poisson for material in body.cell_materials), body.tetrahedral
@@ -263,7 +263,7 @@ def _few_substeps(scene: Scene, body: Body, tools: ToolSet) -> list[str]:
 def _in_vain(scene: Scene, body: Body) -> list[str]:
     """Boxes in which nothing is that they are to choose."""
     clamped: tuple[BoxRegion, ...] = ()
-    clamped, near = scene.body.said("fixed", clamped), scene.regions.near
+    clamped, boxes = scene.body.said("fixed", clamped), scene.regions.boxes
     middle = body.x_rest[body.cell_nodes[:, 13]]
 
     def holds(box: BoxRegion, points: NDArray[np.float64]) -> bool:
@@ -271,7 +271,6 @@ def _in_vain(scene: Scene, body: Body) -> list[str]:
         return bool(((points >= np.array(box.min) - slack) & (points <= np.array(box.max) + slack)).all(axis=1).any())
 
     empty = [f"body.fixed.{i}: no node" for i, box in enumerate(clamped) if not holds(box, body.x_rest)]
-    boxes = near.boxes if near is not None else ()
     empty += [f"regions.near.boxes.{i}: no cell's middle" for i, box in enumerate(boxes) if not holds(box, middle)]
     spans = " .. ".join(str(end(body.x_rest, axis=0).round(6).tolist()) for end in (np.min, np.max))
     return [f"{said} is in this box: the body spans {spans} m at rest; move the box, or leave it out" for said in empty]
@@ -352,13 +351,13 @@ def _pokes_between(scene: Scene, body: Body, coarse: NDArray[np.bool_], tools: T
 
     Tools beside which cells are FEM's meet none of PBD's.
     """
-    near = scene.regions.near
-    if not coarse.any() or not some_read((scene.regions.default, near.model if near else None), "pbd.coarse"):
+    models, within = scene.regions.models, scene.regions.within
+    if not coarse.any() or not some_read(models, "pbd.coarse"):
         return []
     corners = body.x_rest[body.cell_nodes[coarse]].reshape(-1, 3, 3, 3, 3)[:, ::2, ::2, ::2]
     edge = max(float(np.linalg.norm(np.diff(corners, axis=axis), axis=-1).max()) for axis in (1, 2, 3))
-    kept_away = near is not None and not some_read([near.model], "pbd.coarse") and near.within is not None
-    followed = {name for name, near_it in zip(tools.names, tools.near, strict=True) if near_it and kept_away}
+    kept_away = within is not None and not some_read(models[1:], "pbd.coarse")
+    followed = {name for name, near_it in zip(tools.names, tools.followed, strict=True) if near_it and kept_away}
     narrow = [
         f"{name} ({1e3 * width:.3g} mm)"
         for name, width in _felt_at_points(scene, body, tools)

@@ -236,7 +236,7 @@ def compile_first(scene: Scene) -> None:
             continue  # particles: few kernels, which compile in seconds
         for one in candidates(scene.of(name)):
             regions = one.regions
-            models |= {regions.far, *(() if regions.near is None else (regions.near.model,))}
+            models |= {model for model in regions.models if model is not None}
             models |= set() if regions.goal is None else adjoint
     compile_models(models)
 
@@ -261,7 +261,7 @@ def load_first(simulation: Simulation) -> None:
 
     for body in simulation.bodies.values():
         if body.body.has_cells:
-            for model in body.participants.sides.models.values():
+            for model in body.participants.parts.models.values():
                 load_kernels(model)
 
 
@@ -349,7 +349,7 @@ def _translate(error: BaseException, opening: bool) -> None:
     from softseam_services.body.errors import MeshError, RowError, SettingError
     from softseam_services.orchestrator.archive import ArchiveError
     from softseam_services.orchestrator.coupling import Unsuited
-    from softseam_services.orchestrator.participants import StepFailed
+    from softseam_services.orchestrator.part_client import StepFailed
     from softseam_services.orchestrator.rollout import NotDifferentiable
     from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
     from softseam_services.recorder.whole_file import RecordError

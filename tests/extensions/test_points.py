@@ -21,7 +21,8 @@ from softseam_protocol.scene.spec import Positive
 from softseam_protocol.table import MissingRow
 from softseam_services.bodies import DISCRETISATIONS, Points, Surface
 from softseam_services.body.errors import MeshError
-from softseam_services.orchestrator.sides import cut, part_mesh
+from softseam_services.orchestrator.cuts import cut
+from softseam_services.orchestrator.parts import part_mesh
 from softseam_services.tables import check_tables
 
 RADIUS, MASS = 0.004, 2e-3

@@ -19,7 +19,7 @@ from softseam_protocol.topics import Keys
 from softseam_services.orchestrator import client_session
 from softseam_services.orchestrator.bus_transport import BusTimes
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.orchestrator.part_client import StepFailed
 from softseam_services.orchestrator.transport import ParticipantLost
 
 LAST = 3

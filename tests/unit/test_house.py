@@ -34,7 +34,7 @@ def test_counts_see_what_they_count() -> None:
     path = "services/softseam_services/orchestrator/messages/one.py"
     counted = {row.name: row.count({path: text}) for row in house.COUNTS}
     assert counted["lines of the product"] == 8
-    assert counted["lines that name a model"] == counted["lines with .near or .far"] == 1
+    assert counted["lines that name a model"] == counted["places that take .near or .far"] == 1
     assert counted["lines that ask for a kind of body"] == counted["lines that take the only body"] == 1
     assert counted["fields of messages that are called seam"] == 2
     assert counted["imports of solvers in the orchestrator"] == 1

@@ -21,8 +21,8 @@ from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
 from softseam_services.fem.cost import DEARER
 from softseam_services.orchestrator.cost import one_is_enough
-from softseam_services.orchestrator.near_cells import NearCells, Unmet
-from softseam_services.orchestrator.sides import Sides, cut
+from softseam_services.orchestrator.cuts import NearCells, Unmet, cut
+from softseam_services.orchestrator.parts import Parts
 from softseam_services.pbd.cost import substeps
 from softseam_services.pbd.model import build_model
 from softseam_services.pbd.parameters import build_parameters
@@ -32,7 +32,7 @@ from softseam_services.tools.build import build_tools
 SCENES = Path(__file__).parents[2] / "scenes"
 CHEAP = {"pbd": {"substeps": 8}}
 """pbd that costs less than fem while no tool is near"""
-FAR_ALONE = Sides(
+FAR_ALONE = Parts(
     "body",
     {"body.far": "pbd"},
     {"body.far": np.arange(3, dtype=np.int32)},
@@ -74,14 +74,14 @@ def _scene(cells: tuple[int, int, int], split: str, models: dict[str, Any]) -> S
     )
 
 
-def _near(cells: tuple[int, int, int], split: str, models: dict[str, Any] | None = None) -> tuple[NearCells, Sides]:
+def _near(cells: tuple[int, int, int], split: str, models: dict[str, Any] | None = None) -> tuple[NearCells, Parts]:
     scene = _scene(cells, split, models or {})
     body = build_body(scene, {})
     near = NearCells(scene, body, build_tools(scene, body))
     return near, cut("body", body, near.mask, "fem", "pbd")
 
 
-def _follow(near: NearCells, sides: Sides, distance: NDArray[np.float64]) -> str:
+def _follow(near: NearCells, sides: Parts, distance: NDArray[np.float64]) -> str:
     replies = {name: SimpleNamespace(cell_distance=distance[cells]) for name, cells in sides.cells.items()}
     return near.follow(sides, cast("dict[str, Advanced]", replies))
 

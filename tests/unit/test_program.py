@@ -12,7 +12,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.orchestrator.drives import Drives
 from softseam_services.orchestrator.grips import Grips
-from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.orchestrator.part_client import StepFailed
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.motion import tool_motion

@@ -50,7 +50,7 @@ def test_scene_builds(name: str) -> None:
     assert check.warnings == () or name == "dumpling"
     more = sum(part.volume * (part.density - scene.body.material.density) for part in check.parts)
     assert check.mass == pytest.approx(scene.body.material.density * check.volume + more, rel=1e-12)
-    assert tools.near.any() == bool(scene.motion)
+    assert tools.followed.any() == bool(scene.motion)
 
 
 @pytest.mark.parametrize("name", PARTICLES)
@@ -79,7 +79,7 @@ def test_tofu_settles_on_its_own_and_turns_near_as_plates_approach() -> None:
     assert near is not None
     assert near.within is not None
     tools = build_tools(scene, body)
-    for t in np.flatnonzero(tools.near):
+    for t in np.flatnonzero(tools.followed):
         clear = abs(tools.position[t, 0]) - tools.shape[t, 0] - 0.025
         assert near.within < clear < 0.016
         assert tools.position[t, 2] - tools.shape[t, 2] <= 0.0  # covers the lowest points, or they spread under it

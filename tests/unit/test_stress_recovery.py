@@ -193,7 +193,7 @@ def test_probes_report_stress_and_displacement() -> None:
     probes = Probes(body, scene.probes)
     cauchy = np.zeros((body.n_cells, 8, 6))
     cauchy[..., 0] = 5.0 * _sampled(body, np.full(body.n_cells, FEM_SAMPLE))[:, 0].reshape(-1, 8)
-    found = probes.measure(_frame(body, cauchy, 1.1 * body.x_rest), "fem", "pbd")
+    found = probes.measure(_frame(body, cauchy, 1.1 * body.x_rest), ("pbd", "fem"))
     for name, at in scene.probes.items():
         assert_allclose(found[f"{name}.von_mises"], 5.0 * at[0], rtol=1e-8)
         assert_allclose(found[f"{name}.displacement"], 0.1 * np.linalg.norm(at), rtol=1e-10)
@@ -208,7 +208,7 @@ def test_a_probe_beside_a_border_reports_its_own_side() -> None:
     body = replace(body, octant_material=octant_material, materials=body.materials * 2)
     cauchy = np.zeros((body.n_cells, 8, 6))
     cauchy[..., 0] = np.where(octant_material == 1, 7.0, 1.0)
-    found = Probes(body, scene.probes).measure(_frame(body, cauchy, body.x_rest), "fem", "pbd")
+    found = Probes(body, scene.probes).measure(_frame(body, cauchy, body.x_rest), ("pbd", "fem"))
     assert_allclose([found["own.von_mises"], found["other.von_mises"]], [1.0, 7.0], rtol=1e-8)
 
 

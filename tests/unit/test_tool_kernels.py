@@ -124,7 +124,7 @@ def test_motion_translates_and_refuses_wrong_shapes() -> None:
         shape=np.array([[0.1, 0, 0]]),
         reach=np.array([0.1]),
         friction=np.zeros(1),
-        near=np.ones(1, dtype=bool),
+        followed=np.ones(1, dtype=bool),
         position=np.zeros((1, 3)),
         orientation=np.array([[1.0, 0, 0, 0]]),
         geometry=(SHAPES["sphere"].build(SphereTool(radius=0.1, position=(0.0, 0.0, 0.0)), {}),),

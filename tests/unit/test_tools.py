@@ -56,12 +56,14 @@ def test_arrays_follow_the_scene() -> None:
     np.testing.assert_array_equal(tools.orientation, [[1, 0, 0, 0]] * 3)
 
 
-def test_near_tools_are_those_that_move_unless_named() -> None:
+def test_followed_tools_are_those_that_move_unless_named() -> None:
     tools = {"ground": GROUND, "a": box([0.1, 0, 0]), "b": box([-0.1, 0, 0])}
     motion = [{"hold": 0.1}, {"tools": ["a", "b"], "close": 0.02, "until": {"time": 1.0}}]
-    np.testing.assert_array_equal(build_tools(scene(tools, motion=motion)).near, [False, True, True])
+    np.testing.assert_array_equal(build_tools(scene(tools, motion=motion)).followed, [False, True, True])
     regions = {"near": {"within": 0.01, "tools": ["ground"]}}
-    np.testing.assert_array_equal(build_tools(scene(tools, motion=motion, regions=regions)).near, [True, False, False])
+    np.testing.assert_array_equal(
+        build_tools(scene(tools, motion=motion, regions=regions)).followed, [True, False, False]
+    )
     assert build_tools(scene({})).shape.shape == (0, 3)
 
 

@@ -93,7 +93,7 @@ def test_a_switch_from_fem_on_a_table(near: str) -> None:
     assert -before.wrench[0, 2] == pytest.approx(weight, rel=0.02)
     grid = simulation.body.cell_grid  # type: ignore[union-attr]
     simulation.set_near(grid[:, 0] == 0 if near == "one end" else np.zeros(len(grid), dtype=bool))
-    assert simulation.regions.sides.models["body.far"] == "pbd"
+    assert simulation.regions.parts.models["body.far"] == "pbd"
     felt = []
     for _ in range(20):
         after = simulation.step()

@@ -19,8 +19,9 @@ from softseam_coupling.regions import CellGrid
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
-from softseam_services.orchestrator.seam_faces import seam_faces, tie_sides
-from softseam_services.orchestrator.sides import Sides, cut
+from softseam_services.orchestrator.cuts import cut
+from softseam_services.orchestrator.parts import Parts
+from softseam_services.orchestrator.seam_faces import seam_faces, tie_parts
 
 Floats = NDArray[np.float64]
 Grid = NDArray[np.int32]
@@ -74,7 +75,7 @@ def stiffness(line: list[Callable[[float], tuple[float, float]]], edge: float) -
     return k
 
 
-def build(name: str) -> tuple[Body, Sides, Floats, Floats]:
+def build(name: str) -> tuple[Body, Parts, Floats, Floats]:
     """The body, its cut, and the tie P (s, s) that is shipped, and that of a seam which is taken to be flat."""
     (nx, ny, nz), chosen = CASES[name]
     spec = {"shape": {"kind": "block", "size": [float(nx), float(ny), float(nz)]}, "cell": 1.0}
@@ -84,7 +85,7 @@ def build(name: str) -> tuple[Body, Sides, Floats, Floats]:
     )
     sides = cut("body", body, chosen(body.cell_grid), "fem", "pbd")
     neighbours = CellGrid.build(body.cell_grid).neighbours
-    tie = tie_sides(body, sides, neighbours, {"fem": "hex27", "pbd": "hex8"})
+    tie = tie_parts(body, sides, neighbours, {"fem": "hex27", "pbd": "hex8"})
     faces = [body.cell_nodes[cells][:, sheet(face)] for face, cells, _ in seam_faces(body, sides, neighbours)]
     every = np.concatenate(faces)
     n = len(every)
@@ -99,13 +100,13 @@ def sheet(face: int) -> NDArray[np.int64]:
     return np.asarray(np.take(cube, 2 * (face % 2), axis=2 - face // 2)).reshape(-1)
 
 
-def assembled(body: Body, sides: Sides) -> tuple[Floats, Floats]:
+def assembled(body: Body, sides: Parts) -> tuple[Floats, Floats]:
     """K (2, 3 N, 3 N) and the load (2, 3 N) of the near side and of the far one, each on all nodes."""
     n = 3 * body.n_nodes
     k, f = np.zeros((2, n, n)), np.zeros((2, n))
     ends = body.x_rest.min(axis=0), body.x_rest.max(axis=0)
     weights = [np.outer(line, line).ravel() / sum(line) ** 2 for line in ([1, 4, 1], [1, 2, 1])]
-    for side, name in enumerate((sides.near, sides.far)):
+    for side, name in enumerate(sides.names):
         for cell in sides.cells[name]:
             nodes = body.cell_nodes[cell]
             parts = [(list(range(27)), K_QUADRATIC)] if side == 0 else [(octant, K_LINEAR) for octant in OCTANTS]
@@ -123,7 +124,7 @@ def dofs(nodes: NDArray[np.int32]) -> NDArray[np.int64]:
     return (3 * nodes.astype(np.int64)[:, None] + np.arange(3)).ravel()
 
 
-def largest_error(body: Body, sides: Sides, p: Floats) -> float:
+def largest_error(body: Body, sides: Parts, p: Floats) -> float:
     """Of a stress component, over the largest tension, at the octants' centres."""
     (k_near, k_far), (f_near, f_far) = assembled(body, sides)
     n, seam = 3 * body.n_nodes, sides.seam
@@ -132,10 +133,10 @@ def largest_error(body: Body, sides: Sides, p: Floats) -> float:
         t[3 * seam + c] = 0.0
         t[np.ix_(3 * seam + c, n + 3 * seam + c)] = p
     free = np.zeros((2, body.n_nodes, 3), dtype=np.bool_)
-    for side, name in enumerate((sides.near, sides.far)):
+    for side, name in enumerate(sides.names):
         free[side, np.unique(body.cell_nodes[sides.cells[name]])] = True
     free[0, seam] = False
-    block = body.cell_nodes[sides.cells[sides.far][0], OCTANTS[0]]
+    block = body.cell_nodes[sides.cells[sides.names[1]][0], OCTANTS[0]]
     free[1, block[0]] = False  # no rigid motion, without a reaction
     free[1, block[1], 1:] = False
     free[1, block[2], 2] = False
@@ -143,7 +144,7 @@ def largest_error(body: Body, sides: Sides, p: Floats) -> float:
     k = t[:n].T @ k_near @ t[:n] + t[n:].T @ k_far @ t[n:]
     u = (t @ np.linalg.solve(k, t.T @ np.concatenate([f_near, f_far]))).reshape(2, -1, 3)
     exact, worst = np.diag(STRESS), 0.0
-    for side, name in enumerate((sides.near, sides.far)):
+    for side, name in enumerate(sides.names):
         for cell in sides.cells[name]:
             for o, octant in enumerate(OCTANTS):
                 local = np.array([o & 1, o >> 1 & 1, o >> 2]) - 0.5

@@ -26,7 +26,7 @@ from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.file import bundle_scene, load_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.orchestrator.part_client import StepFailed
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.transport import ParticipantLost
 from softseam_studies.atlas.scenes import press
@@ -190,11 +190,11 @@ def test_a_switch_that_fails_is_taken_back(kind: type[Request]) -> None:
     failed, whole = falling(transport), falling(EmbeddedTransport())
     for simulation in (failed, whole):
         simulation.save()
-    before = failed.regions.near.mask.copy()
+    before = failed.regions.rule.mask.copy()
     transport.kind = kind
     with pytest.raises(ParticipantLost):
         failed.set_near(np.roll(before, 1))
-    np.testing.assert_array_equal(failed.regions.near.mask, before)
+    np.testing.assert_array_equal(failed.regions.rule.mask, before)
     assert failed.frame().x.tobytes() == whole.frame().x.tobytes()
     np.testing.assert_array_equal(failed.step().momentum, whole.step().momentum)
 

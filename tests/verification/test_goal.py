@@ -23,7 +23,7 @@ from softseam_services.orchestrator import regions
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.goal_watch import EVERY, GoalWatch
-from softseam_services.orchestrator.sides import merged_state
+from softseam_services.orchestrator.parts import merged_state
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.server import build_setup
 
@@ -124,7 +124,7 @@ def test_the_adjoint_tells_what_a_force_does_to_the_grip() -> None:
             cells = np.arange(setup.body.n_cells, dtype=np.int32)
             whole = build_region(setup.body, cells, np.zeros(0, dtype=np.int32))
             adjoint = FemAdjoint(setup.body, whole, setup.tools, setup.scene.models.fem)
-            state = merged_state(setup.body, of.regions.sides, of.regions.participants.observe())
+            state = merged_state(setup.body, of.regions.parts, of.regions.participants.observe())
             assert adjoint.factor(state, of.report.tool_position, of.report.tool_orientation)
             mass = adjoint.region.mass[:, None] * way
             foretold = [
@@ -173,7 +173,7 @@ def follow(scene: Scene) -> tuple[float, np.ndarray, list[str]]:
     while not of.done:
         of.step()
     assert of.report is not None and isinstance(of.body, Body)
-    places = of.body.cell_grid[of.regions.near.mask, 0]
+    places = of.body.cell_grid[of.regions.rule.mask, 0]
     of.close()
     why = [event.message for event in of.events if event.kind == "regions"]
     return of.report.quantities["grip_force"], places, why
@@ -227,7 +227,7 @@ def test_a_run_with_a_goal_goes_on_from_a_snapshot_bit_for_bit() -> None:
         one.step()
         other.step()
     np.testing.assert_array_equal(one.frame().x, other.frame().x)
-    assert one.regions.near.mask.any()
+    assert one.regions.rule.mask.any()
     for name, array in one.regions.near_arrays().items():
         np.testing.assert_array_equal(other.regions.near_arrays()[name], array, err_msg=name)
     for simulation in (one, other):
@@ -247,7 +247,7 @@ def test_a_look_without_an_adjoint_leaves_the_blame_and_is_not_repeated_at_once(
         simulation.step()
     setup, sides, fields = (
         build_setup(simulation._bundle),
-        simulation.regions.sides,
+        simulation.regions.parts,
         simulation.regions.participants.observe(),
     )
     assert isinstance(setup.body, Body) and simulation.report is not None

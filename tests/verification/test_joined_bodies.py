@@ -20,7 +20,7 @@ from softseam_protocol.scene.interfaces import INTERFACES
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.archive import ArchiveError
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.orchestrator.part_client import StepFailed
 from softseam_services.orchestrator.saved_state import SavedState
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.transport import ParticipantLost

@@ -21,8 +21,8 @@ from softseam_services.body.region import build_region
 from softseam_services.fem.kernels.elements import subtract_forces
 from softseam_services.fem.structures import build_tables
 from softseam_services.fem.work import build_work
-from softseam_services.orchestrator.seam_faces import tie_sides
-from softseam_services.orchestrator.sides import cut
+from softseam_services.orchestrator.cuts import cut
+from softseam_services.orchestrator.seam_faces import tie_parts
 from softseam_services.pbd.forms import MODES, mean_slopes
 
 KINDS = tuple(MATERIALS)
@@ -335,16 +335,16 @@ def test_a_seam_between_graded_cells_passes_the_patch_test() -> None:
     body = PbdRun(scene).body
     sides = cut("body", body, body.cell_grid[:, 2] == 0, "fem", "pbd")
     neighbours = CellGrid.build(body.cell_grid).neighbours
-    tie = tie_sides(body, sides, neighbours, {"fem": "hex27", "pbd": "hex8"})
+    tie = tie_parts(body, sides, neighbours, {"fem": "hex27", "pbd": "hex8"})
     nu = 0.45  # the sides of the body feel no traction
     x = body.x_rest * (1.0 + 0.05 * np.array([-nu, -nu, 1.0]))
-    region = build_region(body, sides.cells[sides.near], sides.seam)
+    region = build_region(body, sides.cells[sides.names[0]], sides.seam)
     model, parameters = build_tables(body, region)
     work = build_work(model, parameters, 0)
     r = np.zeros_like(work.r)
     subtract_forces(x[region.nodes], model, parameters, work, r)
     near = np.ascontiguousarray(r.reshape(-1, 3)[model.order])[region.seam]
-    run = PbdRun(scene, cells=sides.cells[sides.far], seam=sides.seam)
+    run = PbdRun(scene, cells=sides.cells[sides.names[1]], seam=sides.seam)
     far = Energy(run).force(x[run.region.nodes])[run.region.seam]
     np.testing.assert_allclose(tie.gap(x[sides.seam], x[sides.seam]), 0.0, atol=1e-14)
     assert near.sum(axis=0)[2] == pytest.approx(-20e3 * 0.05 * 0.06 * 0.05, rel=1e-9)

@@ -21,9 +21,9 @@ from softseam_services.calibration.modes import CELL_REACH
 from softseam_services.fem.kernels.elements import subtract_forces
 from softseam_services.fem.structures import build_tables
 from softseam_services.fem.work import build_work
+from softseam_services.orchestrator.cuts import cut
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.seam_faces import tie_sides
-from softseam_services.orchestrator.sides import cut
+from softseam_services.orchestrator.seam_faces import tie_parts
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.pbd.levels import coarse_cells
 
@@ -189,7 +189,7 @@ def test_a_seam_to_quadratic_cells_passes_the_patch_test(kind: str, far: str) ->
     scene = block_scene(SIZE, CELL, kind=kind, poisson=0.3, pbd={"coarse": coarse})
     body = PbdRun(scene).body
     sides = cut("body", body, body.cell_grid[:, 2] == 0, "fem", "pbd")
-    tie = tie_sides(body, sides, CellGrid.build(body.cell_grid).neighbours, {"fem": "hex27", "pbd": "hex8"})
+    tie = tie_parts(body, sides, CellGrid.build(body.cell_grid).neighbours, {"fem": "hex27", "pbd": "hex8"})
     stretch, nu = 1.05, 0.3
     across = 1.0 - nu * (stretch - 1.0)
     if kind == "neo_hookean":  # sides without traction: mu (b - 1/b) + lambda ln(a b b)/b = 0
@@ -198,13 +198,13 @@ def test_a_seam_to_quadratic_cells_passes_the_patch_test(kind: str, far: str) ->
             slope = mu * (1 + 1 / across**2) + lam * (2 - np.log(stretch * across**2)) / across**2
             across -= (mu * (across - 1 / across) + lam * np.log(stretch * across**2) / across) / slope
     x = body.x_rest * np.array([across, across, stretch])
-    region = build_region(body, sides.cells[sides.near], sides.seam)
+    region = build_region(body, sides.cells[sides.names[0]], sides.seam)
     model, parameters = build_tables(body, region)
     work = build_work(model, parameters, 0)
     r = np.zeros_like(work.r)
     subtract_forces(x[region.nodes], model, parameters, work, r)
     near = np.ascontiguousarray(r.reshape(-1, 3)[model.order])[region.seam]
-    run = PbdRun(scene, cells=sides.cells[sides.far], seam=sides.seam)
+    run = PbdRun(scene, cells=sides.cells[sides.names[1]], seam=sides.seam)
     ours = run.solver.model
     assert ours.levels.hangs[run.region.seam].any()
     given = Energy(run).force(x[run.region.nodes])[ours.seam]
@@ -270,7 +270,7 @@ def test_switches_between_levels_keep_momentum_and_the_ledger() -> None:
     simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
     grid = simulation.body.cell_grid  # type: ignore[union-attr]
     cuts = [grid[:, 0] < 2, grid[:, 1] < 2, np.ones(27, bool), np.zeros(27, bool), grid[:, 2] < 1]
-    assert simulation.regions.sides.models["body.far"] == "pbd"
+    assert simulation.regions.parts.models["body.far"] == "pbd"
     energy = simulation.step().energy
     for step in range(100):
         report = simulation.step()
@@ -282,7 +282,7 @@ def test_switches_between_levels_keep_momentum_and_the_ledger() -> None:
         assert (report.energy["switch"] != 0.0) == (step % 20 == 0 and step > 0)
         energy = report.energy
         if step % 20 == 19:
-            parts = len(simulation.regions.sides.names)
+            parts = len(simulation.regions.parts.names)
             simulation.set_near(cuts[step // 20])
             held, off = _begun(simulation), {1: 1e-10, 2: 1e-5}[parts]
             np.testing.assert_allclose(held[0], momentum, atol=1e-12 * float(np.linalg.norm(momentum)))
@@ -292,7 +292,7 @@ def test_switches_between_levels_keep_momentum_and_the_ledger() -> None:
 
 def _begun(simulation: Simulation) -> tuple[Floats, Floats]:
     """Momentum and angular momentum of the body as its sides' fields have them."""
-    body, sides = simulation.body, simulation.regions.sides
+    body, sides = simulation.body, simulation.regions.parts
     linear, angular = np.zeros(3), np.zeros(3)
     for name, fields in simulation.regions.participants.observe().items():
         mass = build_region(body, sides.cells[name], sides.seam).mass  # type: ignore[arg-type]

@@ -54,7 +54,7 @@ def test_fem_goes_where_the_stress_is() -> None:
     body = simulation.body
     assert isinstance(body, Body)
     assert switches and all("by stress" in text and "energy" in text for text in switches)
-    places = body.cell_grid[simulation.regions.near.mask, 0]
+    places = body.cell_grid[simulation.regions.rule.mask, 0]
     assert 0 < len(places) < body.n_cells
     assert places.max() < 6, "the free end bears nothing"
     assert np.isin(places.max() - 1, places)
@@ -71,7 +71,7 @@ def test_a_bound_for_the_model_error_is_kept() -> None:
         report = simulation.report
         assert report is not None
         errors.append(report.quantities["model_error"])
-        mask = simulation.regions.near.mask
+        mask = simulation.regions.rule.mask
         simulation.close()
     assert errors[0] > 0.08
     assert errors[1] < 0.03
@@ -88,7 +88,7 @@ def test_the_rules_go_on_from_a_snapshot_bit_for_bit() -> None:
         one.step()
         other.step()
     np.testing.assert_array_equal(one.frame().x, other.frame().x)
-    np.testing.assert_array_equal(one.regions.near.mask, other.regions.near.mask)
+    np.testing.assert_array_equal(one.regions.rule.mask, other.regions.rule.mask)
     for simulation in (one, other):
         simulation.close()
 
@@ -108,8 +108,8 @@ def test_a_switch_that_is_too_dear_is_taken_back(monkeypatch: pytest.MonkeyPatch
         if plain.report is not None and plain.report.header.step + 1 in refused:
             plain.save()
     np.testing.assert_array_equal(simulation.frame().x, plain.frame().x)
-    assert not simulation.regions.near.mask.any()
-    unmet = simulation.regions.near.unmet
+    assert not simulation.regions.rule.mask.any()
+    unmet = simulation.regions.rule.unmet
     assert unmet.n_refused == len(refused) and 0 < unmet.n_never == unmet.n_asked
     (told,) = [event.message for event in events if event.kind == "not_done"]
     assert told.startswith(f"{unmet.n_never} of the {unmet.n_never} cells that regions.near asked for never became fem")

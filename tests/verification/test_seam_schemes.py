@@ -7,7 +7,7 @@ import pytest
 from seam_runs import CLAMPED, FREE, bar, fall, largest_energy
 
 from softseam_protocol.scene.kinds import IntegratorKind
-from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.orchestrator.part_client import StepFailed
 
 
 @pytest.mark.parametrize("integrator", ["implicit_euler", "midpoint"])

@@ -13,7 +13,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.sides import side_mass
+from softseam_services.orchestrator.parts import side_mass
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.transport import ParticipantFailed
 
@@ -47,7 +47,7 @@ def test_momentum_survives_switches() -> None:
     """Every 20 steps the border moves: P to 1e-12 over the whole run, L to 1e-10 over each switch, relative."""
     scene = spinning_cube()
     simulation = Simulation(Bundle(scene.model_dump_json(), {}), EmbeddedTransport())
-    near = simulation.regions.near.mask.copy()
+    near = simulation.regions.rule.mask.copy()
     assert isinstance(simulation.body, Body)
     grid = simulation.body.cell_grid
     columns = [grid[:, 0] < k for k in (1, 2)] + [grid[:, 1] < 2, np.ones(len(grid), bool), np.zeros(len(grid), bool)]
@@ -85,7 +85,7 @@ def momentum(simulation: Simulation) -> tuple[np.ndarray, np.ndarray]:
     linear, angular = np.zeros(3), np.zeros(3)
     assert isinstance(simulation.body, Body)
     for name, fields in simulation.regions.participants.observe().items():
-        mass = side_mass(simulation.body, simulation.regions.sides.cells[name])[fields.nodes]
+        mass = side_mass(simulation.body, simulation.regions.parts.cells[name])[fields.nodes]
         p = mass[:, None] * fields.v
         linear += p.sum(axis=0)
         angular += np.cross(fields.x, p).sum(axis=0)
@@ -204,12 +204,12 @@ def test_the_energies_of_a_cuts_first_step_are_those_of_a_moving_body() -> None:
     scene = spinning_cube().model_dump() | {"seam": {"tolerance": 1e-3}}
     simulation = Simulation(Bundle(Scene.model_validate(scene).model_dump_json(), {}), EmbeddedTransport())
     assert isinstance(simulation.body, Body)
-    for near in (simulation.regions.near.mask, simulation.body.cell_grid[:, 1] < 2):
+    for near in (simulation.regions.rule.mask, simulation.body.cell_grid[:, 1] < 2):
         simulation.set_near(near)
         told = simulation.step().energy["kinetic"]
         kinetic = 0.0
         for name, fields in simulation.regions.participants.observe().items():
-            mass = side_mass(simulation.body, simulation.regions.sides.cells[name])[fields.nodes]
+            mass = side_mass(simulation.body, simulation.regions.parts.cells[name])[fields.nodes]
             kinetic += 0.5 * float(mass @ (fields.v**2).sum(axis=1))
         assert told == pytest.approx(kinetic, rel=1e-4)
     simulation.close()

@@ -237,6 +237,6 @@ def test_the_estimate_is_a_number_even_of_nonsense() -> None:
     of.step()
     fields = of.regions.participants.observe(indicators=True, own=True)
     fields["body.far"].mesh_error[0] = np.nan
-    said = of.only.errors.now(0.1, of.regions.sides, fields)
+    said = of.only.errors.now(0.1, of.regions.parts, fields)
     assert said is not None and "not numbers" in said.text and said.answer == 0.0
     of.close()

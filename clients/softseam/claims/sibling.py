@@ -63,7 +63,7 @@ class Sibling:
 
 def sibling_of(scene: Scene, frames: Mapping[str, Frame]) -> Sibling:
     """The sibling of a scene as it is run; frames: of its bodies at rest. Raises NoSibling."""
-    bodies = {name: body for name, body in scene.bodies.items() if isinstance(body, BodySpec)}
+    bodies = {name: it for name, body in scene.bodies.items() if (it := body.in_cells) is not None}
     if len(bodies) < len(scene.bodies):
         raise NoSibling("bodies of particles have no cells to compare with longer ones")
     edges = {name: cell_edges(body, frames[name]) for name, body in bodies.items()}
@@ -78,7 +78,7 @@ def sibling_of(scene: Scene, frames: Mapping[str, Frame]) -> Sibling:
         fewer = np.maximum(1.0, np.floor(counts[name] / factor))
         n_cells = len(frames[name].cell_near)
         regions = scene.of(name).regions
-        if regions.near is not None:
+        if regions.cut:
             before += BOTH * fem_step(n_cells)
         elif _model(scene.of(name), bodies[name]) == REFERENCE:
             before += fem_step(n_cells * 0.5 ** len(scene.symmetry))

@@ -176,6 +176,11 @@ class BodySpec(OwnRegions):
         return self
 
     @property
+    def in_cells(self) -> BodySpec:
+        """It is."""
+        return self
+
+    @property
     def tetrahedral(self) -> bool:
         """Whether the cells are tetrahedra of a file."""
         return isinstance(self.shape, MeshShape) and self.shape.cells == "tetrahedra"
@@ -242,6 +247,5 @@ class Block(NamedTuple):
 
 def block_of(body: AnyBody) -> Block | None:
     """The body as a block of cells; None where it is another."""
-    if isinstance(body, BodySpec) and isinstance(body.shape, BlockShape):
-        return Block(body, body.shape)
-    return None
+    cells = body.in_cells
+    return Block(cells, cells.shape) if cells is not None and isinstance(cells.shape, BlockShape) else None

@@ -12,6 +12,9 @@ from softseam_protocol.scene.kinds import SCHEMES
 from softseam_protocol.scene.materials import MaterialSpec
 from softseam_protocol.scene.spec import BoxRegion, Positive, RowOf, Spec, wrong
 
+if TYPE_CHECKING:  # which stands on this
+    from softseam_protocol.scene.bodies import BodySpec
+
 Said = TypeVar("Said")
 
 
@@ -74,6 +77,37 @@ class RegionsSpec(Spec):
         return self.near is not None
 
     @property
+    def models(self) -> tuple[ModelKind | None, ModelKind | None]:
+        """Of the cells that are not near, and of those that are or would be; None: not chosen yet."""
+        return self.default, self.default if self.near is None else self.near.model
+
+    @property
+    def hybrid(self) -> bool:
+        """Whether near cells have another model than the rest."""
+        return self.near is not None and self.near.model != self.default
+
+    @property
+    def always_cut(self) -> RegionsSpec:
+        """The same, cut whatever that costs."""
+        near = None if self.near is None else self.near.model_copy(update={"split": "always"})
+        return self.model_copy(update={"near": near})
+
+    @property
+    def within(self) -> float | None:
+        """Distance to a tool that makes a cell near [m]; None: none does."""
+        return None if self.near is None else self.near.within
+
+    @property
+    def boxes(self) -> tuple[BoxRegion, ...]:
+        """In which cells are always near."""
+        return () if self.near is None else self.near.boxes
+
+    @property
+    def tools(self) -> tuple[str, ...] | None:
+        """That make cells near; None: those that move."""
+        return None if self.near is None else self.near.tools
+
+    @property
     def far(self) -> ModelKind:
         """Model of the cells that are not near. Raises ValueError where none is named."""
         if self.default is None:
@@ -119,6 +153,11 @@ class OwnRegions(Spec):
     @property
     def has_cells(self) -> bool:
         return self.made_of == "cells"
+
+    @property
+    def in_cells(self) -> BodySpec | None:
+        """The same as one in cells; None where it is none."""
+        return None
 
     @property
     def no_cells(self) -> str:

@@ -23,7 +23,7 @@ class Tools(NamedTuple):
     half_width: Floats
     bends: Floats
     places: NDArray[np.int64]
-    near: NDArray[np.bool_]
+    followed: NDArray[np.bool_]
     position: Floats
     orientation: Floats
     position_next: Floats
@@ -33,7 +33,8 @@ class Tools(NamedTuple):
 def at_rest(tools: ToolSet) -> Tools:
     """Tools with poses of zeros, to be set by `moved`."""
     poses = (np.zeros((len(tools.names), width)) for width in (3, 4, 3, 4))
-    return Tools(tools.kind, tools.shape, tools.reach, tools.half_width, tools.bends, tools.places, tools.near, *poses)
+    shapes = tools.kind, tools.shape, tools.reach, tools.half_width, tools.bends, tools.places
+    return Tools(*shapes, tools.followed, *poses)
 
 
 def moved(whole: Tools, motion: ToolMotion) -> Tools:

@@ -189,9 +189,10 @@ def turn_about_one_another(
 def _keeps_momentum(scene: Scene) -> bool:
     """Whether nothing but tools and gravity acts on the body, by steps that have no memory of velocities, and its laws
     know turns."""
-    if any(material.kind == "linear" for material in scene.body.cell_materials):
+    body = scene.body
+    if any(material.kind == "linear" for material in body.cell_materials):
         return False
-    drag = scene.body.said("damping", 0.0) if scene.body.has_cells else 0.0
+    drag = body.said("damping", 0.0) if body.has_cells else 0.0
     return drag == 0.0 and scene.models.pbd.damping.mass == 0.0 and scene.models.fem.integrator == "implicit_euler"
 
 

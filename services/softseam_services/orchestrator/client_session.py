@@ -18,7 +18,7 @@ from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Obse
 from softseam_protocol.topics import Keys
 from softseam_services.orchestrator.bus_transport import BusTransport
 from softseam_services.orchestrator.client_view import counted, observation, restore, snapshot
-from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.orchestrator.part_client import StepFailed
 from softseam_services.orchestrator.recorder_feed import RecorderFeed
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost

@@ -11,7 +11,7 @@ from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.session import Event, Frame, Observation, StepReport
 from softseam_protocol.wire import codec
 from softseam_services.orchestrator.archive import ArchiveError, pack, unpack
-from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.orchestrator.part_client import StepFailed
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
 

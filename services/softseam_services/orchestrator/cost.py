@@ -18,30 +18,30 @@ from numpy.typing import NDArray
 from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT
 from softseam_protocol.scene.models import ModelsSpec
 from softseam_services.body.body import Body
-from softseam_services.orchestrator.sides import Sides
+from softseam_services.orchestrator.parts import Parts
 from softseam_services.solver_row import StepWork
 from softseam_services.solvers import SOLVERS
 
 CALL = 60.0
 """a call of a participant [us]"""
 EXCHANGES = 2.0
-"""solves of both sides in a step of a cut; fitted to the headline scenes"""
+"""solves of both parts in a step of a cut; fitted to the headline scenes"""
 
 
 def step_cost(
-    body: Body, sides: Sides, models: ModelsSpec, dt: float, touched: bool, coarse: NDArray[np.bool_]
+    body: Body, parts: Parts, models: ModelsSpec, dt: float, touched: bool, coarse: NDArray[np.bool_]
 ) -> float:
     """Cost of one step of length dt [s] cut like this [us]; touched: there are tools; coarse (C,): cells that PBD takes
     as one block."""
     cost = 0.0
-    for name, model in sides.models.items():
-        cells = sides.cells[name]
+    for name, model in parts.models.items():
+        cells = parts.cells[name]
         n_coarse = int(np.count_nonzero(coarse[cells]))
-        work = StepWork(body, models, dt, touched, len(cells), n_coarse, sides.n_nodes[name], 3 * len(sides.seam))
+        work = StepWork(body, models, dt, touched, len(cells), n_coarse, parts.n_nodes[name], 3 * len(parts.seam))
         cost += CALL
         cost += SOLVERS[model].cost_of_cells(work)
         cost += SOLVERS[model].cost_of_equations(work)
-    return cost * (EXCHANGES if len(sides.models) > 1 else 1.0)
+    return cost * (EXCHANGES if len(parts.models) > 1 else 1.0)
 
 
 def one_is_enough(body: Body, models: ModelsSpec, dt: float, touched: bool) -> float:

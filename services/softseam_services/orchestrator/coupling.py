@@ -1,4 +1,4 @@
-"""What couples the parts of a cut for one epoch: the loop that the scene names, built from sides and their tie."""
+"""What couples the parts of a cut for one epoch: the loop that the scene names, built from the parts and their tie."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from softseam_coupling.mortar import SeamTie
 from softseam_protocol.scene.regions import SeamSpec
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.body_turn import BodyTurn
-from softseam_services.orchestrator.sides import Sides, side_mass
+from softseam_services.orchestrator.parts import Parts, side_mass
 from softseam_services.orchestrator.subdivision import Subdivision
 
 Floats = NDArray[np.float64]
@@ -47,17 +47,17 @@ class Coupling:
         self.loop.take({name: array for name, array in arrays.items() if name not in (_PACE, _TURN)})
 
 
-def couple(seam: SeamSpec, body: Body, sides: Sides, tie: SeamTie, first: Floats | None) -> Coupling:
-    """Sides as parts, what ties them as an interface, and the loop that the scene asks for.
+def couple(seam: SeamSpec, body: Body, parts: Parts, tie: SeamTie, first: Floats | None) -> Coupling:
+    """What ties two parts as an interface, and the loop that the scene asks for.
 
-    first  multiplier that belongs to the sides' state (s, 3) [N], zero if absent
+    first  multiplier that belongs to the parts' state (s, 3) [N], zero if absent
 
     Raises Unsuited where that loop cannot couple them.
     """
-    nodes = np.arange(len(sides.seam), dtype=np.int32)
+    (a, b), nodes = parts.names, np.arange(len(parts.seam), dtype=np.int32)
     setup = LoopSetup(
-        interfaces=(Interface(sides.interface, (sides.near, sides.far), (nodes, nodes), (None, tie.p), tie.c),),
-        mobility={name: 1.0 / side_mass(body, sides.cells[name])[sides.seam] for name in (sides.near, sides.far)},
+        interfaces=(Interface(parts.interface, (a, b), (nodes, nodes), (None, tie.p), tie.c),),
+        mobility={name: 1.0 / side_mass(body, parts.cells[name])[parts.seam] for name in (a, b)},
         tolerance=seam.tolerance * body.resolution,
         cell=body.resolution,
         exchanges=seam.exchanges,

@@ -19,7 +19,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.cost import step_cost
-from softseam_services.orchestrator.sides import cut
+from softseam_services.orchestrator.cuts import cut
 from softseam_services.solvers import SOLVERS
 from softseam_services.tools.tool_set import ToolSet
 
@@ -38,9 +38,10 @@ def with_model(scene: Scene, body: AnyBody, tools: ToolSet) -> tuple[Scene, str]
     """The scene of one body with regions that name a model, and why; '' where nothing was to be decided."""
     if scene.regions.default is not None:
         return scene, ""
+    spec = scene.body
     if not body.has_cells:
-        return _given(scene, scene.body.usual_model), ""
-    implied = implied_model(scene.body, scene.models, scene.symmetry)
+        return _given(scene, spec.usual_model), ""
+    implied = implied_model(spec, scene.models, scene.symmetry)
     if implied is not None:
         kind, why = implied
         return _given(scene, kind), why
@@ -58,7 +59,7 @@ def with_model(scene: Scene, body: AnyBody, tools: ToolSet) -> tuple[Scene, str]
     why = f"{_NONE}, and {one} on all would cost {share:.2g} times what {other} does, for {unknowns:,} unknowns"
     within = float(f"{REACH * body.edges.max():.3g}")
     near = _given(scene, other, NearSpec(within=within))
-    if tools.near.any() and fits(near, _ANY):
+    if tools.followed.any() and fits(near, _ANY):
         return near, f"{why}: it gets those within {1e3 * within:g} mm of tools that move"
     return pbd, f"{why} (regions.default: {one} for that)"
 
@@ -72,8 +73,8 @@ def _cost_of_fem(scene: Scene, body: Body, tools: ToolSet) -> float:
     """What a step of FEM on all cells, in a grip, costs of one of PBD [1]."""
     coarse = SOLVERS[FAR_DEFAULT].coarse_cells(body, scene.models, tools)
     fem, pbd = (
-        step_cost(body, sides, scene.models, scene.step, len(tools.names) > 0, coarse)
-        for sides in (
+        step_cost(body, parts, scene.models, scene.step, len(tools.names) > 0, coarse)
+        for parts in (
             cut(ONLY_BODY, body, np.full(body.n_cells, near), NEAR_DEFAULT, FAR_DEFAULT) for near in (True, False)
         )
     )

@@ -13,7 +13,7 @@ from softseam_coupling.loops.loop import Outcome, largest
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import InterfaceReport, PartReport
 from softseam_protocol.models import facts_of
-from softseam_services.orchestrator.sides import Sides
+from softseam_services.orchestrator.parts import Parts
 
 Floats = NDArray[np.float64]
 
@@ -60,11 +60,11 @@ class EnergyBalance:
         self.begun = Energies(0.0, 0.0, 0.0)
         """with which the body begins, before the first step"""
 
-    def book(self, sides: Sides, replies: Mapping[str, Advanced], solution: Outcome, drive_work: float) -> Entry:
+    def book(self, parts: Parts, replies: Mapping[str, Advanced], solution: Outcome, drive_work: float) -> Entry:
         """A step was taken, in which the tools' motion put this in [J]."""
         kinetic = strain = gravity = tool_work = seam_work = passing = given = material = penetration = 0.0
         momentum, angular = np.zeros(3), np.zeros(3)
-        parts = {}
+        reports = {}
         for name, reply in replies.items():
             kinetic += reply.kinetic
             strain += reply.strain
@@ -77,11 +77,11 @@ class EnergyBalance:
             momentum += reply.momentum
             angular += reply.angular_momentum
             penetration = max(penetration, reply.penetration)
-            parts[name] = PartReport(
-                sides.body,
-                sides.models[name],
-                len(sides.cells[name]),
-                sides.n_nodes[name],
+            reports[name] = PartReport(
+                parts.body,
+                parts.models[name],
+                len(parts.cells[name]),
+                parts.n_nodes[name],
                 reply.kinetic,
                 reply.strain,
                 reply.gravity,
@@ -95,12 +95,12 @@ class EnergyBalance:
         if len(solution.multipliers):
             force = largest(solution.multipliers)
             told = InterfaceReport(solution.gap, solution.exchanges, len(solution.multipliers), force, seam_work)
-            interfaces[sides.interface] = told
+            interfaces[parts.interface] = told
         interface_work = 0.0
-        if len(sides.joints):  # what other bodies do to this one
+        if len(parts.joints):  # what other bodies do to this one
             interface_work, seam_work = seam_work, 0.0
         energies = Energies(kinetic, strain, gravity)
-        contact_loss = 0.0 if _in_parts(sides, replies, solution) else drive_work - tool_work
+        contact_loss = 0.0 if _in_parts(parts, replies, solution) else drive_work - tool_work
         dissipation = switch = 0.0
         if self.ledger is None:
             self.ledger = self._book.open(energies, contact_loss)
@@ -125,12 +125,12 @@ class EnergyBalance:
             "gravity": gravity,
             "tool_work": tool_work,
             "seam_work": seam_work,
-            **({"interface_work": interface_work} if len(sides.joints) else {}),
+            **({"interface_work": interface_work} if len(parts.joints) else {}),
             "dissipation": dissipation,
             "switch": switch,
             **({"material": material} if self._inelastic else {}),
         }
-        return Entry(parts, interfaces, energy, momentum, angular, penetration, drive_work)
+        return Entry(reports, interfaces, energy, momentum, angular, penetration, drive_work)
 
     @property
     def energies(self) -> Energies:
@@ -156,7 +156,7 @@ class EnergyBalance:
         return change
 
 
-def _in_parts(sides: Sides, replies: Mapping[str, Advanced], solution: Outcome) -> bool:
+def _in_parts(parts: Parts, replies: Mapping[str, Advanced], solution: Outcome) -> bool:
     """Whether a step was cut: its wrench is of one of its parts then, or a mean, and says nothing of their work."""
-    cut = any(reply.n_substeps > 1 for name, reply in replies.items() if facts_of(sides.models[name]).cuts_steps)
+    cut = any(reply.n_substeps > 1 for name, reply in replies.items() if facts_of(parts.models[name]).cuts_steps)
     return cut or solution.parts > 1

@@ -29,7 +29,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.goal_error import GoalError
-from softseam_services.orchestrator.sides import Sides
+from softseam_services.orchestrator.parts import Parts
 
 Floats = NDArray[np.float64]
 
@@ -99,9 +99,9 @@ class ErrorEstimator:
             return looked == 0.0 or strain > looked
         return strain > max(_MORE * looked, self._well)
 
-    def look(self, time: float, sides: Sides, fields: Mapping[str, Fields], goal: GoalError | None = None) -> None:
-        """Take over what the sides found at a time [s]; the fields were asked for with their own indicators."""
-        found = self._weigh(time, sides, fields, goal)
+    def look(self, time: float, parts: Parts, fields: Mapping[str, Fields], goal: GoalError | None = None) -> None:
+        """Take over what the parts found at a time [s]; the fields were asked for with their own indicators."""
+        found = self._weigh(time, parts, fields, goal)
         if not len(self._found) or found[1] > self._found[1]:
             self._found = found
 
@@ -110,23 +110,23 @@ class ErrorEstimator:
         return self._in_words(self._found) if len(self._found) else None
 
     def now(
-        self, time: float, sides: Sides, fields: Mapping[str, Fields], goal: GoalError | None = None
+        self, time: float, parts: Parts, fields: Mapping[str, Fields], goal: GoalError | None = None
     ) -> ErrorEstimate:
         """By these fields alone, of a body of cells."""
-        return self._in_words(self._weigh(time, sides, fields, goal))
+        return self._in_words(self._weigh(time, parts, fields, goal))
 
-    def _weigh(self, time: float, sides: Sides, fields: Mapping[str, Fields], goal: GoalError | None) -> Floats:
+    def _weigh(self, time: float, parts: Parts, fields: Mapping[str, Fields], goal: GoalError | None) -> Floats:
         """Eq. (1) and the goal's error, as in `_found`."""
         aim = [0.0, 0.0] if goal is None else [goal.value, goal.relative]
-        return np.array([*self._of_energy(time, sides, fields), *aim])
+        return np.array([*self._of_energy(time, parts, fields), *aim])
 
-    def _of_energy(self, time: float, sides: Sides, fields: Mapping[str, Fields]) -> list[float]:
+    def _of_energy(self, time: float, parts: Parts, fields: Mapping[str, Fields]) -> list[float]:
         """Eq. (1)."""
         strain = whole = mesh = model = answer = 0.0
         assert self._body is not None
         for name, side in fields.items():
-            cells = sides.cells[name]
-            of_model = facts_of(sides.models[name]).errs_by == "model"
+            cells = parts.cells[name]
+            of_model = facts_of(parts.models[name]).errs_by == "model"
             told = side.model_error if of_model else side.mesh_error
             judged = self._whole[cells]
             if not len(told):  # a participant that does not estimate its errors

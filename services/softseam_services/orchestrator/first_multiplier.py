@@ -1,11 +1,11 @@
-"""The first multiplier of a new seam: the force that lets both sides start with the same acceleration.
+"""The first multiplier of a new seam: the force that lets both parts start with the same acceleration.
 
-A cut opens nothing yet, but each side then lacks the force that the other one's cells put on the shared nodes. With F
-the sum of stress, contact and weight on the seam's nodes, m their masses, and x_near = P x_far + c the tie,
+A cut opens nothing yet, but each part then lacks the force that the other one's cells put on the shared nodes. With F
+the sum of stress, contact and weight on the seam's nodes, m their masses, and x_a = P x_b + c the tie,
 
-    (F_near + lambda)/m_near = P (F_far - P^T lambda)/m_far                                                    (1)
+    (F_a + lambda)/m_a = P (F_b - P^T lambda)/m_b                                                              (1)
 
-Stress counts with its value in the middle of each octant, in the trace of the side's own model.
+Stress counts with its value in the middle of each octant, in the trace of the part's own model.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from softseam_services.body.body import Body
 from softseam_services.body.interpolate import Functions, hex27, point_weights
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
 from softseam_services.body.region import build_region
-from softseam_services.orchestrator.sides import Sides
+from softseam_services.orchestrator.parts import Parts
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -50,31 +50,27 @@ def _slopes(functions: Functions) -> Floats:
 
 
 def first_multiplier(
-    body: Body, sides: Sides, state: BodyState, cauchy: Floats, tie: SeamTie, functions: Mapping[str, Functions]
+    body: Body, parts: Parts, state: BodyState, cauchy: Floats, tie: SeamTie, functions: Mapping[str, Functions]
 ) -> Floats:
-    """Forces on the near side (s, 3) [N], eq. (1).
+    """Forces on the first part (s, 3) [N], eq. (1).
 
     functions  what each model interpolates with
     cauchy  (C, 8, 6)  stress of the merged body in each octant, xx yy zz yz xz xy [Pa]
     """
-    mass, acceleration = {}, {}
-    for name in (sides.near, sides.far):
-        mass[name], force = _seam_loads(body, sides, name, state, cauchy, functions[sides.models[name]])
-        acceleration[name] = force / mass[name][:, None]
-    difference = acceleration[sides.far] if tie.p is None else tie.p @ acceleration[sides.far]
-    difference = difference - acceleration[sides.near]
+    loads = [_seam_loads(body, parts, part, state, cauchy, functions[model]) for part, model in parts.models.items()]
+    (m_a, force_a), (m_b, force_b) = loads
+    beyond = force_b / m_b[:, None]
+    difference = (beyond if tie.p is None else tie.p @ beyond) - force_a / m_a[:, None]
     if tie.p is None:
-        return difference / (1.0 / mass[sides.near] + 1.0 / mass[sides.far])[:, None]
-    return np.asarray(
-        np.linalg.solve(np.diag(1.0 / mass[sides.near]) + (tie.p / mass[sides.far]) @ tie.p.T, difference)
-    )
+        return difference / (1.0 / m_a + 1.0 / m_b)[:, None]
+    return np.asarray(np.linalg.solve(np.diag(1.0 / m_a) + (tie.p / m_b) @ tie.p.T, difference))
 
 
 def _seam_loads(
-    body: Body, sides: Sides, name: str, state: BodyState, cauchy: Floats, functions: Functions
+    body: Body, parts: Parts, name: str, state: BodyState, cauchy: Floats, functions: Functions
 ) -> tuple[Floats, Floats]:
-    """Mass (s,) [kg] of one side's seam nodes, and force (s, 3) [N] on them: stress, contact and weight."""
-    region = build_region(body, sides.cells[name], sides.seam, name == sides.near)
+    """Mass (s,) [kg] of one part's seam nodes, and force (s, 3) [N] on them: stress, contact and weight."""
+    region = build_region(body, parts.cells[name], parts.seam, parts.owns_points(name))
     force = region.mass[:, None] * body.gravity
     indptr, node, weight = point_weights(body, region, functions)
     push = np.repeat(state.contact_force[region.points], np.diff(indptr), axis=0)

@@ -41,9 +41,9 @@ from softseam_services.body.region import build_region
 from softseam_services.orchestrator.error_estimate import MESH, UNMEASURED
 from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
 from softseam_services.orchestrator.grips import Grips
+from softseam_services.orchestrator.parts import Parts, merged_state
 from softseam_services.orchestrator.placement import Placement
 from softseam_services.orchestrator.probes import place_of
-from softseam_services.orchestrator.sides import Sides, merged_state
 from softseam_services.orchestrator.stress import von_mises
 from softseam_services.solvers import offered
 from softseam_services.tools.tool_set import ToolSet
@@ -88,7 +88,7 @@ class Goal:
         self._mesh: MeshIndicator
 
     def look(
-        self, sides: Sides, fields: Mapping[str, Fields], position: Floats, orientation: Floats, blame: bool = False
+        self, parts: Parts, fields: Mapping[str, Fields], position: Floats, orientation: Floats, blame: bool = False
     ) -> GoalError | None:
         """The errors between tools at (t, 3) [m], (t, 4); blame: with eq. (3). None where J is nothing yet.
 
@@ -100,10 +100,10 @@ class Goal:
             self._adjoint = offered(lambda row: row.adjoint)(body, whole, self._tools, self._scene.models)
             self._blocks = offered(lambda row: row.model_indicator)(body, whole, self._scene.models)
         adjoint = self._adjoint
-        state = merged_state(body, sides, fields)
+        state = merged_state(body, parts, fields)
         cauchy = np.empty((body.n_cells, 8, 6))
         for name, side in fields.items():
-            cauchy[sides.cells[name]] = side.cauchy
+            cauchy[parts.cells[name]] = side.cauchy
         value, pushed = 0.0, np.zeros((len(self._tools.names), 3))
         if self._octant is not None:
             value = float(von_mises(cauchy[self._octant]))
@@ -125,9 +125,9 @@ class Goal:
             raise NoAdjoint
         scale = _STRAIN / span
         y = turned + scale * z
-        fine = [cells for name, cells in sides.cells.items() if facts_of(sides.models[name]).errs_by == "mesh"]
+        fine = [cells for name, cells in parts.cells.items() if facts_of(parts.models[name]).errs_by == "mesh"]
         mesh = self._mesh_error(fine[0], x, y, cauchy) / scale if fine and self._octant is None else 0.0
-        model = self._model_error(sides, x, z, forces) + self._read_otherwise(sides, x, value)
+        model = self._model_error(parts, x, z, forces) + self._read_otherwise(parts, x, value)
         theta = np.zeros(0)
         if blame:
             energies = (self._blocks.measure(at, state.contact_force, bounded=True) for at in (x, y))
@@ -172,19 +172,19 @@ class Goal:
         product = self._mesh.product(x[self._nodes], cauchy[cells], y[self._nodes], other)
         return MESH.get(models.fem.element, UNMEASURED) * float(product.sum())
 
-    def _read_otherwise(self, sides: Sides, x: Floats, value: float) -> float:
+    def _read_otherwise(self, parts: Parts, x: Floats, value: float) -> float:
         """What FEM reads of PBD's positions at a probe but PBD does not: J_F(u_P) - J_P(u_P)."""
         if self._octant is None or any(
-            some_read([sides.models[name]], "fem.element") and self._octant[0] in cells
-            for name, cells in sides.cells.items()
+            some_read([parts.models[name]], "fem.element") and self._octant[0] in cells
+            for name, cells in parts.cells.items()
         ):
             return 0.0
         assert self._adjoint is not None
         return float(von_mises(self._adjoint.stress(x)[self._octant])) - value
 
-    def _model_error(self, sides: Sides, x: Floats, z: Floats, forces: Floats) -> float:
+    def _model_error(self, parts: Parts, x: Floats, z: Floats, forces: Floats) -> float:
         """Eq. (1), with FEM's forces of all cells (C, 27, 3)."""
-        coarse = [cells for name, cells in sides.cells.items() if facts_of(sides.models[name]).errs_by == "model"]
+        coarse = [cells for name, cells in parts.cells.items() if facts_of(parts.models[name]).errs_by == "model"]
         if not coarse:
             return 0.0
         cells, blocks = coarse[0], self._blocks

@@ -1,4 +1,4 @@
-"""What the participants estimate of their errors, and what the two sides of the seam differ in, cell by cell."""
+"""What the participants estimate of their errors, and what the two parts at the seam differ in, cell by cell."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from softseam_protocol.messages.participant import Fields
 from softseam_protocol.messages.session import Indicators
 from softseam_protocol.models import facts_of
 from softseam_services.body.body import Body
+from softseam_services.orchestrator.parts import Parts
 from softseam_services.orchestrator.seam_faces import face_corners, seam_faces
-from softseam_services.orchestrator.sides import Sides
 
 Floats = NDArray[np.float64]
 
 
-def measure(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Mapping[str, Fields]) -> Indicators:
+def measure(body: Body, parts: Parts, neighbours: NDArray[np.int32], fields: Mapping[str, Fields]) -> Indicators:
     """The indicators of the whole body; fields were asked for with indicators, neighbours (C, 6) as in `CellGrid`."""
     model, mesh, jump, gap = np.zeros((4, body.n_cells))
     for name, side in fields.items():
-        if facts_of(sides.models[name]).errs_by == "model":
-            model[sides.cells[name]] = told(side.model_error, len(sides.cells[name]))
+        if facts_of(parts.models[name]).errs_by == "model":
+            model[parts.cells[name]] = told(side.model_error, len(parts.cells[name]))
         else:
-            mesh[sides.cells[name]] = told(side.mesh_error, len(sides.cells[name]))
-    if len(sides.seam):
-        jump[:] = _jumps(body, sides, neighbours, fields)
-        gap[:] = _gaps(body, sides, fields)
+            mesh[parts.cells[name]] = told(side.mesh_error, len(parts.cells[name]))
+    if len(parts.seam):
+        jump[:] = _jumps(body, parts, neighbours, fields)
+        gap[:] = _gaps(body, parts, fields)
     return Indicators(model, mesh, jump, gap)
 
 
@@ -48,18 +48,19 @@ def root_mean_square(jump: Floats) -> float:
     return float(np.sqrt((at_seam**2).mean())) if len(at_seam) else 0.0
 
 
-def _jumps(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Mapping[str, Fields]) -> Floats:
+def _jumps(body: Body, parts: Parts, neighbours: NDArray[np.int32], fields: Mapping[str, Fields]) -> Floats:
     """Root mean square over each cell's faces at the seam (C,) [Pa]."""
     square, count = np.zeros((2, body.n_cells))
     x = np.empty((body.n_nodes, 3))
-    for name in (sides.far, sides.near):
+    a, b = parts.names
+    for name in (b, a):
         x[fields[name].nodes] = fields[name].x
-    sample = {name: facts_of(sides.models[name]).stress_at for name in sides.names}
-    for face, cells, others in seam_faces(body, sides, neighbours):
+    sample = {name: facts_of(parts.models[name]).stress_at for name in parts.names}
+    for face, cells, others in seam_faces(body, parts, neighbours):
         normal = face_normals(x[body.cell_nodes[cells][:, face_corners(face)]])
         tractions = []
-        for name, mine, side in ((sides.near, cells, face), (sides.far, others, face ^ 1)):
-            cauchy = fields[name].cauchy[np.searchsorted(sides.cells[name], mine)]
+        for name, mine, side in ((a, cells, face), (b, others, face ^ 1)):
+            cauchy = fields[name].cauchy[np.searchsorted(parts.cells[name], mine)]
             tractions.append(face_tractions(cauchy, side, sample[name], normal))
         jump = traction_jump(*tractions) ** 2
         for mine in (cells, others):
@@ -68,9 +69,9 @@ def _jumps(body: Body, sides: Sides, neighbours: NDArray[np.int32], fields: Mapp
     return np.asarray(np.sqrt(square / np.maximum(count, 1.0)))
 
 
-def _gaps(body: Body, sides: Sides, fields: Mapping[str, Fields]) -> Floats:
+def _gaps(body: Body, parts: Parts, fields: Mapping[str, Fields]) -> Floats:
     """Largest gap at each cell's seam nodes (C,) [m]."""
-    at = [fields[name].x[np.searchsorted(fields[name].nodes, sides.seam)] for name in (sides.near, sides.far)]
+    at = [fields[name].x[np.searchsorted(fields[name].nodes, parts.seam)] for name in parts.names]
     gap = np.zeros(body.n_nodes)
-    gap[sides.seam] = np.linalg.norm(at[0] - at[1], axis=1)
+    gap[parts.seam] = np.linalg.norm(at[0] - at[1], axis=1)
     return np.asarray(gap[body.cell_nodes].max(axis=1))

@@ -25,8 +25,9 @@ from softseam_services.body.errors import SettingError
 from softseam_services.body.kernels.turning import MASS, MOTION, PLACE
 from softseam_services.orchestrator.body_turn import BodyTurn, turn_about_one_another
 from softseam_services.orchestrator.clock import Clock
-from softseam_services.orchestrator.participants import Kept, StepFailed
-from softseam_services.orchestrator.sides import part_mesh, resting_state, side_mass
+from softseam_services.orchestrator.part_client import StepFailed
+from softseam_services.orchestrator.participants import Kept
+from softseam_services.orchestrator.parts import part_mesh, resting_state, side_mass
 from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.orchestrator.subdivided_step import take_step
@@ -70,8 +71,8 @@ def interfaces_of(scene: Scene, bodies: Mapping[str, object]) -> dict[str, Betwe
 
 def joints_of(body: str, interfaces: Mapping[str, Between]) -> Ints:
     """Nodes of a body on which any of the interfaces acts, ascending (j,)."""
-    sides = [zip(each.bodies, each.kind.nodes, strict=True) for each in interfaces.values()]
-    own = [nodes for side in sides for name, nodes in side if name == body]
+    ends = [zip(each.bodies, each.kind.nodes, strict=True) for each in interfaces.values()]
+    own = [nodes for pair in ends for name, nodes in pair if name == body]
     return np.unique(np.concatenate(own)).astype(np.int32) if own else np.zeros(0, dtype=np.int32)
 
 
@@ -116,8 +117,8 @@ class JoinedBodies:
         self._x = {name: self._bodies[name].x_rest[nodes] for name, nodes in self._joints.items()}
         self._pace, self._turns = Subdivision(), {name: BodyTurn() for name in self.members}
         for name, turn in self._turns.items():
-            body, sides = self._bodies[name], self.members[name].sides
-            meshes = [part_mesh(body, sides, part) for part in sides.names]
+            body, parts = self._bodies[name], self.members[name].parts
+            meshes = [part_mesh(body, parts, part) for part in parts.names]
             turn.start(self._scenes[name], meshes, resting_state(body), self._clock.dt)
         self._tie()
         self._loop.begin(self._able())
@@ -143,7 +144,7 @@ class JoinedBodies:
         return {part: able for member in self.members.values() for part, able in member.able.items()}
 
     def _part(self, body: str) -> str:
-        (part,) = self.members[body].sides.names
+        (part,) = self.members[body].parts.names
         return part
 
     def _of(self, between: Between) -> tuple[Floats, Floats]:
@@ -198,7 +199,7 @@ class JoinedBodies:
         self._tell_of(solution, before)
         solutions = {}
         for name, member in self.members.items():
-            own = {part: solution.replies[part] for part in member.sides.names}
+            own = {part: solution.replies[part] for part in member.parts.names}
             solutions[name] = replace(solution, replies=own, multipliers=_NO_ROWS, note="")
             member.joined_step(solutions[name], kept.get(name))
         return solutions
@@ -230,10 +231,10 @@ class JoinedBodies:
             joint = {part: (self._x[name], after[name], forces[name])}
             own = {part: replies[part]}
             gravity = np.array(self._scene.gravity)
-            replies |= self._turns[name].end(own, member.sides.models, motion, dt, gravity, joint)
+            replies |= self._turns[name].end(own, member.parts.models, motion, dt, gravity, joint)
             member.end_step()
         ended = [turn.sums for turn in self._turns.values()]
-        models = {part: model for each in self.members.values() for part, model in each.sides.models.items()}
+        models = {part: model for each in self.members.values() for part, model in each.parts.models.items()}
         turn, centre = turn_about_one_another(began, ended, solution.replies, models, motion, dt)
         if turn.any():
             for name, one in self._turns.items():

@@ -18,7 +18,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.body.errors import SettingError
-from softseam_services.orchestrator.sides import side_mass
+from softseam_services.orchestrator.parts import side_mass
 from softseam_services.orchestrator.simulated_body import SimulatedBody
 
 Floats = NDArray[np.float64]

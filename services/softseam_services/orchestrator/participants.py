@@ -1,13 +1,12 @@
-"""The participants of one body, and what ties its parts: built for a cut, advanced until they agree, observed, saved.
+"""The parts of one body as an island: built for a cut, advanced until they agree, observed, saved.
 
-A step that fails leaves them as they were. What one side took alone is discarded, and a step in parts goes back to a
+A step that fails leaves them as they were. What one part took alone is discarded, and a step in parts goes back to a
 snapshot; both when they are next asked for anything (docs/decisions/05).
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,63 +14,43 @@ from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies
 from softseam_coupling.loops.loop import Correction, First, Outcome, PartRequest, StepDiverged
-from softseam_protocol.messages.header import SCHEMA_VERSION, Header
-from softseam_protocol.messages.outcomes import Detail, FailureKind, Status
+from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import (
-    Advance,
     Advanced,
     BodyState,
     Bundle,
     Capabilities,
-    Commit,
-    Configure,
-    Configured,
-    Correct,
-    Failure,
     Fields,
-    Observe,
     PartMesh,
-    Release,
     Reply,
     Request,
-    Restore,
-    Snapshot,
-    SnapshotTaken,
     ToolMotion,
 )
 from softseam_protocol.models import facts_of
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.coupling import Coupling
-from softseam_services.orchestrator.sides import Sides
-from softseam_services.orchestrator.step_ahead import StepAhead, advance_request
+from softseam_services.orchestrator.part_client import PartClient, StepFailed
+from softseam_services.orchestrator.parts import Parts
+from softseam_services.orchestrator.step_ahead import StepAhead
 from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.orchestrator.subdivided_step import take_step
-from softseam_services.orchestrator.transport import ParticipantFailed, Transport
+from softseam_services.orchestrator.transport import Transport
 
 Floats = NDArray[np.float64]
-Tied = tuple[Sides, Coupling | None]
-"""sides, and what ties them where they share nodes"""
+Tied = tuple[Parts, Coupling | None]
+"""parts, and what ties them where they share nodes"""
 
 _NOTHING = np.zeros(0)
 _FREE = np.zeros((0, 3))
 """no forces: of a part that nothing ties"""
-_OLDER = Failure(
-    FailureKind.SCHEMA,
-    "it does not tell the energies that it begins with: install the same version of softseam on both sides",
-)
-
-
-class StepFailed(RuntimeError):
-    """A step could not be taken, nor is any part of it; the simulation stands at the last committed step and can be
-    stepped again. Only what the seam learned in trying may be kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class Kept:
     """What a step or a switch began with."""
 
-    sides: Sides
+    parts: Parts
     seam: dict[str, Floats]
     """see `Participants.seam_arrays`"""
     states: dict[str, bytes]
@@ -83,8 +62,8 @@ class Participants:
 
     clock     of the simulation; cuts count its epochs
     tell      receives kind and text of every event
-    tie       makes what ties sides of which nothing is known yet; None where they share no nodes
-    mesh      makes the mesh of one of the sides; None where it has no cells
+    tie       makes what ties parts of which nothing is known yet; None where they share no nodes
+    mesh      makes the mesh of one of the parts; None where it has no cells
     """
 
     def __init__(
@@ -94,75 +73,33 @@ class Participants:
         transport: Transport,
         clock: Clock,
         tell: Tell,
-        tie: Callable[[Sides], Coupling | None],
-        mesh: Callable[[Sides, str], PartMesh | None],
+        tie: Callable[[Parts], Coupling | None],
+        mesh: Callable[[Parts, str], PartMesh | None],
     ) -> None:
-        self._bundle, self._scene, self._transport = bundle, scene, transport
-        self._clock, self._tell, self._tie, self._mesh = clock, tell, tie, mesh
-        self._epoch = self._tick = 0
-        self.sides: Sides
-        """the present cut"""
+        self._client = PartClient(bundle, transport, clock, tell)
+        self._scene, self._clock, self._tell, self._tie, self._mesh = scene, clock, tell, tie, mesh
+        self.stand, self.end_step, self.release = self._client.stand, self._client.end_step, self._client.release
         self._coupling: Coupling | None = None
-        self._n_asked = self._asked = -1  # exchanges of the tick at hand, and of the one before
-        self._under_way = False  # a step is, or was when it failed
         self._ahead: StepAhead | None = None
         self._kept: Kept | None = None  # while a step is taken in parts, and after it failed
-        self._able: dict[str, Capabilities] = {}
         self._before: Kept | dict[str, Floats] | None = None  # the last step, where it may be withdrawn
 
+    @property
+    def parts(self) -> Parts:
+        """The present cut."""
+        return self._client.parts
+
     def configure(self, tied: Tied, state: BodyState | None) -> Energies:
-        """Build the sides of another cut in a new epoch: in this state, or to be restored; its energies."""
-        self._clock.epoch += 1
-        self._epoch = self._clock.epoch
-        self._n_asked, self._under_way = -1, False
+        """Build the parts of another cut in a new epoch: in this state, or to be restored; its energies."""
         self._kept = self._ahead = None
-        sides, self._coupling = tied
-        self.sides = sides
-        meshes = {name: self._mesh(sides, name) for name in sides.names}
+        parts, self._coupling = tied
+        meshes = {name: self._mesh(parts, name) for name in parts.names}
         if self._coupling is not None and state is not None:
             self._coupling.turn.start(self._scene, meshes.values(), state, self._clock.dt)
-        replies = self._transport.exchange(
-            {
-                name: Configure(
-                    self._header(name),
-                    self._bundle,
-                    sides.models[name],
-                    sides.cells[name],
-                    sides.coupling_nodes,
-                    state,
-                    sides.owns_points(name),
-                    sides.body,
-                    meshes[name],
-                )
-                for name in sides.names
-            }
-        )
-        begun = {name: reply for name, reply in replies.items() if isinstance(reply, Configured)}
-        for name, reply in begun.items():
-            if math.isnan(reply.kinetic + reply.strain + reply.gravity):
-                raise ParticipantFailed(name, _OLDER)
-        known = {name: reply.capabilities for name, reply in begun.items()}
-        self._able = {name: able for name, able in known.items() if able is not None}
+        energies = self._client.build(parts, state, meshes)
         if self._coupling is not None:
-            self._coupling.loop.begin(self._able)
-        return Energies(
-            sum(reply.kinetic for reply in begun.values()),
-            sum(reply.strain for reply in begun.values()),
-            sum(reply.gravity for reply in begun.values()),
-        )
-
-    def stand(self, step: int) -> None:
-        """Be about to take the step of this number; before `configure`."""
-        self._tick = step
-
-    def _header(self, part: str, exchange: int = 0) -> Header:
-        """Names a request of the present cut."""
-        return Header(SCHEMA_VERSION, self._clock.session, part, self._epoch, self._tick, exchange, self._clock.time)
-
-    def _next_header(self, part: str) -> Header:
-        """Names the first request of the step that follows the present one."""
-        clock = self._clock
-        return Header(SCHEMA_VERSION, clock.session, part, self._epoch, self._tick + 1, 0, (clock.step + 1) * clock.dt)
+            self._coupling.loop.begin(self._client.able)
+        return energies
 
     # ---- one step
 
@@ -179,7 +116,7 @@ class Participants:
     def requests(self, motion: ToolMotion, fields: bool) -> dict[str, Request]:
         """What parts that nothing ties are asked for in a step; their replies go to `taken`."""
         self.make_ready()
-        free = {name: PartRequest(_FREE) for name in self.sides.names}
+        free = {name: PartRequest(_FREE) for name in self.parts.names}
         return self.asked(free, self._clock.dt, motion, fields)
 
     def taken(self, replies: Mapping[str, Reply]) -> Outcome:
@@ -195,7 +132,7 @@ class Participants:
     @property
     def able(self) -> Mapping[str, Capabilities]:
         """What its parts can do, of those that have coupling nodes."""
-        return self._able
+        return self._client.able
 
     def make_ready(self) -> None:
         """Be about to ask for a step from where the last one ended."""
@@ -205,30 +142,16 @@ class Participants:
         self, wanted: Mapping[str, PartRequest], dt: float, motion: ToolMotion, fields: bool, turn: Floats = _NOTHING
     ) -> dict[str, Request]:
         """What the next exchange of a step of dt [s] asks its parts for."""
-        self._n_asked, self._under_way = self._n_asked + 1, True
-        return {
-            name: advance_request(self._header(name, self._n_asked), dt, motion, wanted[name], fields, turn)
-            for name in self.sides.names
-        }
+        mine = {name: wanted[name] for name in self.parts.names}
+        return self._client.advance(mine, dt, motion, lambda _: fields, turn)
 
     def corrected(self, corrections: Mapping[str, Correction], fields: bool) -> dict[str, Request]:
         """What moves its parts on, as a step ends."""
-        self._n_asked += 1
-        return {
-            name: Correct(self._header(name, self._n_asked), one.push, one.force, fields, None)
-            for name, one in corrections.items()
-            if name in self.sides.cells
-        }
+        return self._client.correct(corrections, fields, {})
 
     def read(self, replies: Mapping[str, Reply]) -> dict[str, Advanced]:
         """The answers of its parts. Raises StepFailed."""
-        return self._advanced({name: replies[name] for name in self.sides.names})
-
-    def end_step(self) -> None:
-        """The last exchange was the step's."""
-        self._asked = self._n_asked
-        self._tick += 1
-        self._n_asked, self._under_way = -1, False
+        return self._client.read({name: replies[name] for name in self.parts.names})
 
     def joined_step(self, solution: Outcome, before: Kept | None) -> None:
         """A step that it took with other bodies is over; before: where it can only be withdrawn to a snapshot."""
@@ -265,20 +188,19 @@ class Participants:
             self.go_back(before)
             return
         assert before is not None
-        self._tick -= 1
-        self._n_asked, self._under_way = self._asked, True
+        self._client.reopen()
         if self._coupling is not None:
             self._coupling.take(before)
-            self._coupling.loop.begin(self._able)
+            self._coupling.loop.begin(self.able)
             self._coupling.loop.forget_sent()
 
     def _tell_cuts(self, solution: Outcome) -> None:
-        """Tell where a model could not take the step at once; PBD's monitor tells itself."""
+        """Say where a model could not take the step at once; PBD's monitor says it itself."""
         for name, reply in solution.replies.items():
             asked_for = self._scene.models.fem.step_error is not None
-            if reply.n_substeps > solution.parts and facts_of(self.sides.models[name]).cuts_steps and not asked_for:
+            if reply.n_substeps > solution.parts and facts_of(self.parts.models[name]).cuts_steps and not asked_for:
                 taken = (
-                    f"step {self._clock.step}, {name} ({self.sides.models[name]}): taken in {reply.n_substeps} parts"
+                    f"step {self._clock.step}, {name} ({self.parts.models[name]}): taken in {reply.n_substeps} parts"
                 )
                 self._tell("step", taken, count=reply.n_substeps)
 
@@ -286,40 +208,28 @@ class Participants:
         self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False, then: ToolMotion | None = None
     ) -> Outcome:
         assert self._coupling is not None
-        turn, then = self._coupling.turn, then if self._coupling.turn.may_go_ahead(dt) else None
+        client, turn, then = self._client, self._coupling.turn, then if self._coupling.turn.may_go_ahead(dt) else None
         said = turn.said
 
         def ask(wanted: dict[str, PartRequest]) -> dict[str, Advanced]:
-            self._n_asked += 1
             if self._ahead is not None:
                 ahead, self._ahead = self._ahead, None
-                return self._advanced(ahead.replies | (self._transport.exchange(ahead.left) if ahead.left else {}))
-            requests = {}
-            for name, part in wanted.items():
-                last = fields and part.last and self._n_asked > 0  # it may well be
-                requests[name] = advance_request(self._header(name, self._n_asked), dt, motion, part, last, said)
-            return self._advanced(self._transport.exchange(requests))
+                client.skip()
+                return client.exchange(ahead.left, ahead.replies)
+            again = not client.begins
+            requests = client.advance(wanted, dt, motion, lambda part: fields and part.last and again, said)
+            return client.exchange(requests)
 
         def correct(corrections: dict[str, Correction], first: First) -> dict[str, Advanced]:
-            self._n_asked += 1
-            after: dict[str, Advance] = {}
-            if then is not None:
-                after = {
-                    name: advance_request(self._next_header(name), dt, then, part) for name, part in first().items()
-                }
-            requests = {
-                name: Correct(self._header(name, self._n_asked), one.push, one.force, fields, after.get(name))
-                for name, one in corrections.items()
-            }
-            replies = self._advanced(self._transport.exchange(requests))
+            after = {} if then is None else client.advance_next(first(), dt, then)
+            replies = client.exchange(client.correct(corrections, fields, after))
             if then is not None:
                 self._ahead = StepAhead(then, after, {name: reply.then for name, reply in replies.items()})
             return replies
 
-        self._under_way = True
         solution = self._coupling.loop.solve(ask, correct, dt, may_cut)
         gravity = np.array(self._scene.gravity)
-        solution = replace(solution, replies=turn.end(solution.replies, self.sides.models, motion, dt, gravity))
+        solution = replace(solution, replies=turn.end(solution.replies, self.parts.models, motion, dt, gravity))
         self.end_step()
         return solution
 
@@ -352,11 +262,11 @@ class Participants:
     def keep(self) -> Kept:
         """The state between two steps, or before a step none of whose parts was committed."""
         states = self.snapshot()
-        return Kept(self.sides, {name: array.copy() for name, array in self.seam_arrays().items()}, states)
+        return Kept(self.parts, {name: array.copy() for name, array in self.seam_arrays().items()}, states)
 
     def go_back(self, kept: Kept) -> None:
         """Be as then, from when they are next asked for anything."""
-        self.sides, self._kept = kept.sides, kept
+        self._client.parts, self._kept = kept.parts, kept
 
     def _take_back(self) -> None:
         """Where a step failed in one of its parts, go back to before it; and again where that fails."""
@@ -365,76 +275,51 @@ class Participants:
             return
         self._kept = None
         try:
-            coupling = self._tie(kept.sides)
+            coupling = self._tie(kept.parts)
             if coupling is not None:
                 coupling.take(kept.seam)
-            self.restore((kept.sides, coupling), kept.states)
+            self.restore((kept.parts, coupling), kept.states)
         except BaseException:
             self._kept = kept
             raise
 
-    def _advanced(self, replies: Mapping[str, Reply]) -> dict[str, Advanced]:
-        found = {}
-        for name, reply in replies.items():
-            assert isinstance(reply, Advanced)
-            model = self.sides.models[name]
-            if reply.status is not Status.CONVERGED:
-                text = f"step {self._clock.step}, {name} ({model}): {reply.why}"
-                if not math.isfinite(reply.kinetic):
-                    raise StepFailed(text)
-                self._tell("solver", text)
-            found[name] = reply
-        return found
-
     # ---- what they know
 
     def observe(self, indicators: bool = False, own: bool = False) -> dict[str, Fields]:
-        """Each side's fields, with its errors where asked for; of them only what its own model errs. Velocities are
+        """Each part's fields, with its errors where asked for; of them only what its own model errs. Velocities are
         those that the next step begins with."""
         self._discard_failed()
-        requests = {name: Observe(self._header(name), indicators, own) for name in self.sides.names}
-        replies = self._transport.exchange(requests)
-        found = {name: reply for name, reply in replies.items() if isinstance(reply, Fields)}
+        found = self._client.observe(indicators, own)
         return found if self._coupling is None else self._coupling.turn.seen(found)
 
     def snapshot(self) -> dict[str, bytes]:
-        """Each side's state, which the transport keeps to recover a participant with."""
+        """Each part's state, which the transport keeps to recover a participant with."""
         self._discard_failed()
         if self._coupling is not None:
             self._coupling.loop.forget_sent()
-        replies = self._transport.exchange(
-            {name: Snapshot(self._header(name, self._n_asked + 1)) for name in self.sides.names}
-        )
-        return {name: reply.state for name, reply in replies.items() if isinstance(reply, SnapshotTaken)}
+        return self._client.snapshot()
 
     def _discard_failed(self) -> None:
         """Have a step that failed half way, or that was begun and is not wanted, taken back by those that took it."""
         self._take_back()
         if self._ahead is not None:
-            self._ahead, self._n_asked, self._under_way = None, 0, True
-        if self._under_way:
-            self._transport.exchange({name: Commit(self._header(name, self._n_asked + 1)) for name in self.sides.names})
-            self._under_way = False
+            self._ahead = None
+            self._client.began_ahead()
+        self._client.give_up()
 
     def multiplier(self) -> Floats:
-        """The last committed one, on the near side (s, 3) [N]."""
-        return np.zeros((len(self.sides.seam), 3)) if self._coupling is None else self._coupling.loop.multipliers()
+        """The last committed one, on the first part (s, 3) [N]."""
+        return np.zeros((len(self.parts.seam), 3)) if self._coupling is None else self._coupling.loop.multipliers()
 
     def seam_arrays(self) -> dict[str, Floats]:
         """What of the seam evolves, for a snapshot; empty where there is none."""
         return {} if self._coupling is None else self._coupling.to_arrays()
 
     def restore(self, tied: Tied, states: Mapping[str, bytes]) -> None:
-        """Continue with another cut, tied as `seam_arrays` told of it, from its `snapshot`."""
+        """Continue with another cut, tied as `seam_arrays` says, from its `snapshot`."""
         self.configure(tied, None)
-        restores: dict[str, Request] = {name: Restore(self._header(name), states[name]) for name in self.sides.names}
-        self._transport.exchange(restores)
+        self._client.restore(states)
 
     def release_all(self) -> None:
         """Let go of all."""
-        self.release(self.sides.names)
-
-    def release(self, names: Collection[str]) -> None:
-        """Let go of participants that the present cut has not."""
-        if names:
-            self._transport.exchange({name: Release(self._header(name)) for name in sorted(names)})
+        self.release(self.parts.names)

@@ -15,7 +15,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import rest_points
 from softseam_services.orchestrator.grips import Grips
-from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.orchestrator.part_client import StepFailed
 from softseam_services.orchestrator.program import Program, Progress
 from softseam_services.recorder.begin import surface_mesh
 from softseam_services.tools.kernels import least_gaps

@@ -61,14 +61,17 @@ class Probes:
         self._recovery: csr_array | None = None
         self._near = np.zeros(0, dtype=np.int8)
 
-    def measure(self, frame: Frame, near_model: str, far_model: str) -> dict[str, float]:
-        """PROBE.von_mises [Pa] of the recovered stress and PROBE.displacement [m] of every probe."""
+    def measure(self, frame: Frame, models: tuple[str, str]) -> dict[str, float]:
+        """PROBE.von_mises [Pa] of the recovered stress and PROBE.displacement [m] of every probe.
+
+        models: of cells that are not near, and of those that are
+        """
         if not self._names:
             return {}
         if self._recovery is None or not np.array_equal(frame.cell_near, self._near):
             self._near = frame.cell_near.copy()
-            near, far = (facts_of(model).stress_at for model in (near_model, far_model))
-            self._recovery = self._recover(np.where(frame.cell_near == 1, near, far))
+            sample = np.array([facts_of(model).stress_at for model in models])
+            self._recovery = self._recover(sample[(frame.cell_near == 1).astype(np.int64)])
         cauchy = self._recovery @ frame.cauchy.reshape(-1, 6)
         moved = np.einsum("pa,pai->pi", self._weight, frame.x[self._nodes]) - self._rest
         columns = {what: PROBE_MEASUREMENTS[what](cauchy, moved).tolist() for what in PROBED}

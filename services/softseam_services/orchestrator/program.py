@@ -28,7 +28,7 @@ from softseam_protocol.scene.motion import (
 from softseam_services.orchestrator.force_search import ForceSearch, is_near
 from softseam_services.orchestrator.grip import Grip
 from softseam_services.orchestrator.grips import Grips
-from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.orchestrator.part_client import StepFailed
 from softseam_services.orchestrator.unfinished import fell_short, left_out, turned_away, unreached
 from softseam_services.shapes.turns import quaternion_turning, turned
 from softseam_services.tools.kernels import rotate

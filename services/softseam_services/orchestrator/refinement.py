@@ -1,9 +1,9 @@
 """How urgently each cell wants to be near: its stress and its model error over the scene's bounds.
 
-  stress  the largest von Mises stress recovered at its nodes, over `regions.near.stress`
+  stress  the largest von Mises stress recovered at its nodes, over the bound `stress`
   goal    what PBD does in the cell to the scene's goal, at most and relative to it (`goal_watch`), over its share 1/C
-          of `regions.near.error`, where the scene has a goal; and else
-  error   (eta_e C / U)^(1/2) over `regions.near.error`, with the energy eta_e of the error that PBD makes in the cell,
+          of the bound `error`, where the scene has a goal; and else
+  error   (eta_e C / U)^(1/2) over the bound `error`, with the energy eta_e of the error that PBD makes in the cell,
           or would make, C cells and the strain energy U: where no PBD cell is above 1, the whole body's model error in
           the energy norm, (sum eta_e / U)^(1/2), is within the bound
 
@@ -23,11 +23,10 @@ from softseam_protocol.messages.participant import Fields
 from softseam_protocol.models import facts_of
 from softseam_protocol.scene.regions import NearSpec
 from softseam_services.body.body import Body
-from softseam_services.body.errors import SettingError
 from softseam_services.body.hardly_filled import HardlyFilled
 from softseam_services.body.recover import nodal_recovery
 from softseam_services.orchestrator.indicators import told
-from softseam_services.orchestrator.sides import Sides
+from softseam_services.orchestrator.parts import Parts
 from softseam_services.orchestrator.stress import von_mises
 
 Floats = NDArray[np.float64]
@@ -37,14 +36,10 @@ STRESS, ERROR, GOAL = "stress", "model error", "goal"
 
 
 class RefinementIndicators:
-    """What the last look at the fields found. Raises SettingError for a bound of an error that nothing estimates."""
+    """What the last look at the fields found."""
 
     def __init__(self, body: Body, near: NearSpec | None, goal: str | None = None) -> None:
         self._body = body
-        if near is not None and near.error is not None and body.material.n_state:
-            raise SettingError(
-                f"regions.near.error: what pbd errs by is not known of {body.material.kind}: say within or stress"
-            )
         bounds = {STRESS: near and near.stress, GOAL if goal else ERROR: near and near.error}
         self._bounds = {name: bound for name, bound in bounds.items() if bound}
         self._recovery: tuple[Mask, list[csr_array]] | None = None
@@ -56,7 +51,7 @@ class RefinementIndicators:
 
     @property
     def wanted(self) -> bool:
-        """Whether the scene has a bound of what the sides' fields tell."""
+        """Whether the scene has a bound of what the parts' fields tell."""
         return not self._bounds.keys() <= {GOAL}
 
     @property
@@ -71,14 +66,14 @@ class RefinementIndicators:
         self.measures: dict[str, Floats] = {name: np.zeros(self._body.n_cells) for name in self._bounds}
         """(C,) by name, 1 at the bound [1]"""
 
-    def look(self, sides: Sides, fields: Mapping[str, Fields], cut: Mask) -> None:
-        """Take over what the sides found; cut (C,) are the near cells."""
+    def look(self, parts: Parts, fields: Mapping[str, Fields], cut: Mask) -> None:
+        """Take over what the parts found; cut (C,) are the near cells."""
         body = self._body
         if STRESS in self._bounds:
             cauchy, sample = np.empty((body.n_cells, 8, 6)), np.empty(body.n_cells)
             for name, side in fields.items():
-                cauchy[sides.cells[name]] = side.cauchy
-                sample[sides.cells[name]] = facts_of(sides.models[name]).stress_at
+                cauchy[parts.cells[name]] = side.cauchy
+                sample[parts.cells[name]] = facts_of(parts.models[name]).stress_at
             if self._recovery is None or not np.array_equal(self._recovery[0], cut):
                 fits = [nodal_recovery(body, sample, number) for number in range(len(body.materials))]
                 self._recovery = cut.copy(), fits
@@ -88,7 +83,7 @@ class RefinementIndicators:
         if ERROR in self._bounds:
             error, strain = np.zeros(body.n_cells), 0.0
             for name, side in fields.items():
-                error[sides.cells[name]] = told(side.model_error, len(sides.cells[name]))
+                error[parts.cells[name]] = told(side.model_error, len(parts.cells[name]))
                 strain += float(side.cell_energy.sum())
             share = strain / body.n_cells
             relative = np.sqrt(error / share) if share > 0.0 else np.zeros(body.n_cells)

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.motion import ClosePhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import SolidTool
-from softseam_services.body.body import Body
+from softseam_services.body.build import AnyBody
 from softseam_services.differentiable import Differentiable, Tape
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -49,12 +48,12 @@ class Rollout:
         return self.tape.tool_position
 
 
-def check_differentiable(scene: Scene, body: object) -> None:
+def check_differentiable(scene: Scene, body: AnyBody) -> None:
     """Raises NotDifferentiable where gradients do not go through a scene."""
     if len(scene.bodies) > 1:
         raise NotDifferentiable("`bodies`: gradients go through one body: leave one in the scene")
-    if not isinstance(scene.body, BodySpec) or not isinstance(body, Body):
-        raise NotDifferentiable(f"`body.kind`: gradients go through cells, not through a {scene.body.kind}")
+    if not body.has_cells:
+        raise NotDifferentiable(f"`body.kind`: gradients go through cells, not through a {body.kind}")
     fem = scene.models.fem
     if fem.integrator != "implicit_euler":
         raise NotDifferentiable(

@@ -41,7 +41,7 @@ from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline
 from softseam_services.orchestrator.client_liveness import ClientLiveness
 from softseam_services.orchestrator.client_session import Answer, ClientSession, Stopped
-from softseam_services.orchestrator.participants import StepFailed
+from softseam_services.orchestrator.part_client import StepFailed
 from softseam_services.orchestrator.singleton import wait_to_be_only
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
 from softseam_services.progress import tell_progress

@@ -18,13 +18,13 @@ from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.creep import Creep
 from softseam_services.orchestrator.energy_balance import EnergyBalance, Entry
 from softseam_services.orchestrator.error_estimate import ErrorEstimator
+from softseam_services.orchestrator.parts import resting_state
 from softseam_services.orchestrator.pierced import Pierced
 from softseam_services.orchestrator.probes import Probes
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.quantities import Quantities
 from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.saved_state import SavedBody
-from softseam_services.orchestrator.sides import resting_state
 from softseam_services.orchestrator.step_losses import StepLosses
 from softseam_services.orchestrator.step_warnings import StepWarnings, Tell
 from softseam_services.orchestrator.transport import Transport
@@ -81,7 +81,7 @@ class SimulatedBody:
         """whether some of its quantities need fields"""
         self.wants_indicators = self._quantities.need_indicators
         """whether some need the participants' error indicators"""
-        self._near = np.flatnonzero(setup.tools.near).tolist()
+        self._near = np.flatnonzero(setup.tools.followed).tolist()
         self._lift_base, self._slip, self._felt = 0.0, 0.0, False
 
     def reset(self) -> None:
@@ -103,7 +103,7 @@ class SimulatedBody:
         self.balance.take_over(other.balance)
         self.participants.stand(self._clock.step)
         self.balance.switched(self.regions.start(state))
-        other.participants.release(set(other.participants.sides.names) - set(self.participants.sides.names))
+        other.participants.release(set(other.participants.parts.names) - set(self.participants.parts.names))
 
     # ---- one step
 
@@ -157,7 +157,7 @@ class SimulatedBody:
         found["slip"], self._felt = self._slip, felt
         probed = {}
         if frame is not None and self._probes is not None:
-            probed = self._probes.measure(frame, self.regions.near.model, self.scene.regions.far)
+            probed = self._probes.measure(frame, self.regions.rule.models)
         return self._named(found) | probed
 
     def at_rest(self, position: Floats, orientation: Floats, frame: Frame | None) -> dict[str, float]:
@@ -172,7 +172,7 @@ class SimulatedBody:
         if self.errors.due(sum(reply.strain for reply in replies.values()), done):
             fields = self.participants.observe(indicators=True, own=True)
             goal = self.regions.goal_error(fields, position, orientation)
-            self.errors.look(self._clock.time, self.regions.sides, fields, goal)
+            self.errors.look(self._clock.time, self.regions.parts, fields, goal)
         if done and (swings := self.losses.swings):
             self._tell("damped", f"step {self._clock.step - 1}: {swings}")
         estimate = self.errors.estimate() if done else None
@@ -189,7 +189,7 @@ class SimulatedBody:
             return None
         fields = self.participants.observe(indicators=True, own=True)
         goal = self.regions.goal_error(fields, position, orientation)
-        return self._with_losses(self.errors.now(self._clock.time, self.regions.sides, fields, goal))
+        return self._with_losses(self.errors.now(self._clock.time, self.regions.parts, fields, goal))
 
     def follow(self, replies: Mapping[str, Advanced], motion: ToolMotion) -> Energies | None:
         """Let the cut follow its rule after a step; the energies after a switch."""
@@ -197,7 +197,7 @@ class SimulatedBody:
 
     def book(self, replies: Mapping[str, Advanced], solution: Outcome, drive_work: float) -> Entry:
         """Enter a step into the balance, with the cut that it was taken with, and what the tools' motion put in [J]."""
-        entry = self.balance.book(self.regions.sides, replies, solution, drive_work)
+        entry = self.balance.book(self.regions.parts, replies, solution, drive_work)
         touches = any(bool(reply.wrench.any()) for reply in replies.values())
         told = self.losses.follow(entry.energy, touches, drive_work)
         if told:
@@ -230,8 +230,8 @@ class SimulatedBody:
         try:
             self.regions.take_near(saved.cells)
             self.errors.take(saved.errors)
-            sides, _ = self.regions.tied(saved.seam)
-            missing = set(sides.names) - saved.participants.keys()
+            parts, _ = self.regions.tied(saved.seam)
+            missing = set(parts.names) - saved.participants.keys()
             if missing:
                 raise KeyError(*sorted(missing))
         finally:

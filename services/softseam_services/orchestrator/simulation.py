@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
 from time import perf_counter
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,29 +17,25 @@ from softseam_protocol.participant.solver import Solver
 from softseam_protocol.scene.file import scene_from_bundle
 from softseam_protocol.scene.scene import SeveralBodies
 from softseam_services.body.build import AnyBody
+from softseam_services.orchestrator.after_step import CHECKPOINT_STEPS, AfterStep, Taken
 from softseam_services.orchestrator.archive import ArchiveError
 from softseam_services.orchestrator.bodies import Bodies, Solutions
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.energy_balance import Entry
-from softseam_services.orchestrator.moving_tools import Move, Moved, MovingTools
+from softseam_services.orchestrator.moving_tools import Move, MovingTools
 from softseam_services.orchestrator.placement import AT_REST, Placement
 from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.regions import Regions
-from softseam_services.orchestrator.reports import step_report, work_of_drive, worst, wrench_of
+from softseam_services.orchestrator.reports import step_report, worst, wrench_of
 from softseam_services.orchestrator.saved_state import SavedState
 from softseam_services.orchestrator.simulated_body import SimulatedBody
-from softseam_services.orchestrator.step_warnings import ToolWarnings
 from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
-from softseam_services.orchestrator.whereabouts import LOOK_EVERY
 from softseam_services.server import Setup, build_setup
 
-T = TypeVar("T")
 Floats = NDArray[np.float64]
 Emit = Callable[[StepReport | Frame | Event], None]
 
-_CHECKPOINT_STEPS = 50
 _FIELDS_EVERY = 5
 """steps between looks at the fields for quantities that need them, where nobody asks for every frame"""
 
@@ -76,7 +70,6 @@ class Simulation:
             transport.adopt(bundle, setups)
         self._moving = MovingTools(self.scene, self.tools, bodies, self._placed)
         self._duration = self.scene.duration
-        self._warnings = ToolWarnings(self._event)
         self._clock = Clock(session, self.scene.step) if clock is None else clock.at_pace(self.scene.step)
         self._stopwatch = Stopwatch()
         recovering = RecoveringTransport(transport, on_event=self._event)
@@ -85,6 +78,7 @@ class Simulation:
         self._bodies = Bodies(
             self.scene, bundle, setups, self._transport, adopt, self._moving.program, self._clock, self._event
         )
+        self._after = AfterStep(self._bodies, self._moving, self._clock, self._duration, self._event)
         self._wants_fields = any(body.wants_fields for body in self.bodies.values())
         self.events: list[Event] = []
         """events since the last reset, oldest first"""
@@ -135,10 +129,10 @@ class Simulation:
     @property
     def solver(self) -> Solver | None:
         """What computes that body; None where it is in several parts, or in another process."""
-        parts = self.only.participants.sides.names
-        if len(parts) > 1 or not isinstance(self._participants, EmbeddedTransport):
+        names = self.only.participants.parts.names
+        if len(names) > 1 or not isinstance(self._participants, EmbeddedTransport):
             return None
-        return self._participants.solver(self._clock.session, parts[0])
+        return self._participants.solver(self._clock.session, names[0])
 
     @property
     def regions(self) -> Regions:
@@ -166,21 +160,15 @@ class Simulation:
             clock.at_pace(self.scene.step)
             self.reset(self._seed)
             raise
-        taken_over = {part for body in other.bodies.values() for part in body.participants.sides.names}
+        taken_over = {part for body in other.bodies.values() for part in body.participants.parts.names}
         for body in self.bodies.values():
             with suppress(ParticipantLost, ParticipantFailed):  # who is lost holds nothing
-                body.participants.release(set(body.participants.sides.names) - taken_over)
+                body.participants.release(set(body.participants.parts.names) - taken_over)
         return other
 
     def _forget(self) -> None:
         """The last step is another's."""
-        self._warnings.forget()
-        for body in self.bodies.values():
-            body.warnings.forget()
-            body.whereabouts.forget()
-            body.creep.forget()
-            body.pierced.forget()
-            body.losses.forget()
+        self._after.forget()
         self._report: StepReport | None = None
         self._frames: dict[str, Frame] | None = None
         self._unseen = False  # their fields were asked for, and lost
@@ -210,12 +198,13 @@ class Simulation:
         wrench = sum(others, first)
         moved = self._moving.take(move, wrench)
         self._clock.step += 1
-        done = self.done
-        frames = self._look(solutions, look or (self._wants_fields and done))
-        quantities = self._measure(solutions, wrenches, frames or {})
-        entries, switched = self._book_and_adapt(solutions, wrenches, move)
+        taken = Taken(solutions, wrenches, move, moved, ongoing, self.done)
+        frames = self._look(solutions, look or (self._wants_fields and taken.done))
+        quantities = self._after.measure(taken, frames or {})
+        entries = self._after.book(taken, self.scene.step)
+        switched = self._after.adapt(taken)
         self._bodies.fall_asleep(solutions, move.motion)
-        estimates = self._judge(solutions, ongoing and not move.by_hand, moved.phase_ends)
+        estimates = self._after.judge(taken)
         report = step_report(
             header=self._clock.last_step(),
             phase=moved.phase,
@@ -226,14 +215,12 @@ class Simulation:
             interfaces=self._bodies.interface_reports,
             command=move.command,
             seconds=self._stopwatch.read(),
-            done=done,
+            done=taken.done,
             estimate=worst(estimates),
         )
         if switched:
             self._frames = None
-        self._notify(solutions, wrenches, move, moved, estimates)
-        if done and ongoing:
-            self._tell_not_done(move.by_hand)
+        self._after.warn(taken, estimates)
         self._report = report
         if self._emit is not None:
             self._emit(report)
@@ -245,7 +232,7 @@ class Simulation:
         """How the tools move in the step after `move`, where nothing else is asked of the participants in between."""
         step, body = self._clock.step + 1, next(iter(self.bodies.values()))
         last = self._duration is not None and step >= round(self._duration / self.scene.step)
-        if last or not self._bodies.steps_ahead or step % _CHECKPOINT_STEPS == 0 or not body.goes_on(step, look):
+        if last or not self._bodies.steps_ahead or step % CHECKPOINT_STEPS == 0 or not body.goes_on(step, look):
             return None
         return self._moving.ahead(move)
 
@@ -254,84 +241,11 @@ class Simulation:
         frames = None
         if asked:
             at = self._moving.poses
-            frames = self._told(
+            frames = self._after.try_to(
                 lambda: {name: body.look(solutions[name].replies, *at) for name, body in self.bodies.items()}
             )
         self._frames, self._unseen = frames, asked and frames is None
         return frames
-
-    def _measure(
-        self, solutions: Solutions, wrenches: Mapping[str, Floats], frames: Mapping[str, Frame]
-    ) -> dict[str, float]:
-        """Quantities of all bodies."""
-        found: dict[str, float] = {}
-        for name, body in self.bodies.items():
-            replies, frame = solutions[name].replies, frames.get(name)
-            found |= body.measure(replies, wrenches[name], *self._moving.poses, frame, self._moving.lifting)
-        return found
-
-    def _book_and_adapt(
-        self, solutions: Solutions, wrenches: Mapping[str, Floats], move: Move
-    ) -> tuple[dict[str, Entry], bool]:
-        """Enter the step into the balance, then let the cuts follow it; whether one did."""
-        entries, switched = {}, False
-        for name, body in self.bodies.items():
-            drive_work = work_of_drive(wrenches[name], move.command, self.scene.step)
-            entries[name] = body.book(solutions[name].replies, solutions[name], drive_work)
-        awake = self._bodies.awake
-        for name, body in awake.items():
-            energies = self._told(partial(body.follow, solutions[name].replies, move.motion))
-            if energies is not None:
-                body.balance.switched(energies)
-                switched = True
-        if self._clock.step % _CHECKPOINT_STEPS == 0:
-            for body in awake.values():
-                self._told(body.participants.snapshot)
-            self._bodies.forget_sent()
-        return entries, switched
-
-    def _judge(self, solutions: Solutions, follows: bool, phase_ends: bool) -> dict[str, ErrorEstimate]:
-        """How far the run may be off, by body, where the scene's own motion ends; looked at as its phases end."""
-        done = self.done
-        if not (follows and (phase_ends or done)):
-            return {}
-        found = {}
-        for name, body in self.bodies.items():
-            replies, at = solutions[name].replies, self._moving.poses
-            estimate = self._told(partial(body.judge, replies, *at, done))
-            if estimate is not None:
-                found[name] = estimate
-        return found
-
-    def _notify(
-        self,
-        solutions: Solutions,
-        wrenches: Mapping[str, Floats],
-        move: Move,
-        moved: Moved,
-        estimates: Mapping[str, ErrorEstimate],
-    ) -> None:
-        """Tell what of the step is worth an event."""
-        at = self._clock.step - 1
-        for name, body in self.bodies.items():
-            replies = solutions[name].replies
-            body.warnings.follow(at, replies, body.balance.raised, estimates.get(name))
-            if self.done or self._clock.step % LOOK_EVERY == 0:
-                self._told(partial(body.watch, at, replies, wrenches[name], *self._moving.poses))
-        if moved.missed:
-            self._event("force", f"step {at}: {moved.missed}")
-        if moved.unreached:
-            self._event("not_done", f"step {at}: {moved.unreached}")
-        if moved.phase_ends and (turned := self._told(partial(self._moving.turned_away, moved.ended))):
-            self._event("not_done", f"step {at}: {turned}")
-        self._warnings.follow(at, move.too_far, self._moving.met)
-
-    def _tell_not_done(self, by_hand: bool) -> None:
-        """Tell, as a run ends, what the scene asks for that was not done."""
-        for body in self.bodies.values():
-            body.regions.tell_unmet()
-        if self._duration is not None and not by_hand and (left := self._moving.left_out(self._duration)):
-            self._event("not_done", left)
 
     # ---- what is known
 
@@ -358,7 +272,7 @@ class Simulation:
 
         What the step itself waited for in vain is not waited for again.
         """
-        return None if self._unseen and self._frames is None else self._told(self.frames)
+        return None if self._unseen and self._frames is None else self._after.try_to(self.frames)
 
     def estimate(self) -> ErrorEstimate | None:
         """How far the answer may be off as the bodies stand, of the one that is off most; None of particles."""
@@ -413,14 +327,6 @@ class Simulation:
             return AT_REST
         name = next(name for name, body in self.bodies.items() if body.body is of)
         return Placement.fitted(of.x_rest, self.frames()[name].x)
-
-    def _told(self, act: Callable[[], T]) -> T | None:
-        """What follows a step that is taken: where a participant is lost in it, that is told, and the step counts."""
-        try:
-            return act()
-        except (ParticipantLost, ParticipantFailed) as error:
-            self._event("lost", f"step {self._clock.step - 1} is taken, but what follows it was not done: {error}")
-            return None
 
     def _event(self, kind: str, message: str, *details: Detail, count: int = 0) -> None:
         event = Event(self._clock.now(), EventKind(kind), message, list(details), count)

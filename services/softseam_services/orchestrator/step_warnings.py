@@ -103,8 +103,8 @@ class ToolWarnings:
 
 def locking(scene: Scene) -> str:
     """That FEM's element locks with the scene's material; '' where it does not, or FEM has no part."""
-    near, body = scene.regions.near, scene.body
-    if not body.has_cells or not some_read((scene.regions.default, near.model if near else None), "fem.element"):
+    body = scene.body
+    if not body.has_cells or not some_read(scene.regions.models, "fem.element"):
         return ""
     return element_warning(
         scene.models.fem.element, max(material.poisson for material in body.cell_materials), body.tetrahedral

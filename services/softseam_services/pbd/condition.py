@@ -65,6 +65,6 @@ def condition_of(
 def _cells(scene: Scene, body: Body, near: NDArray[np.bool_] | None) -> NDArray[np.int32]:
     """Those that XPBD moves."""
     cut = np.zeros(body.n_cells, dtype=np.bool_) if near is None else near
-    of_near = scene.regions.near.model if scene.regions.near is not None else scene.regions.default
-    models = np.where(cut, of_near == "pbd", scene.regions.default == "pbd")
+    default, of_near = scene.regions.models
+    models = np.where(cut, of_near == "pbd", default == "pbd")
     return np.flatnonzero(models).astype(np.int32)

@@ -56,7 +56,7 @@ def coarse_cells(body: Body, wanted: CoarseSpec | None, tools: ToolSet) -> Mask:
     if wanted.beyond is not None:
         distance, node_gap = np.empty(body.n_cells), np.empty(body.n_nodes)
         cell_distances(
-            *(body.x_rest, body.cell_nodes, tools.kind, tools.shape, tools.position, tools.orientation, tools.near),
+            *(body.x_rest, body.cell_nodes, tools.kind, tools.shape, tools.position, tools.orientation, tools.followed),
             *(node_gap, distance),
         )
         chosen |= distance > wanted.beyond

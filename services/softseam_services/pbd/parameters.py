@@ -131,7 +131,7 @@ class PbdParameters:
             reach=tools.reach,
             places=tools.places,
             friction=tools.friction,
-            near=tools.near,
+            followed=tools.followed,
             margin=MARGIN * float(blocks.edges.min()),
             mass_rate=damping.mass,
             stiffness_time=damping.stiffness,

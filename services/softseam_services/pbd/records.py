@@ -68,7 +68,7 @@ class ParameterArrays(NamedTuple):
     reach: Floats
     places: NDArray[np.int64]
     friction: Floats
-    near: NDArray[np.bool_]
+    followed: NDArray[np.bool_]
     margin: float
     """points within it of a tool, and what speeds add to it, are tried for contact [m]"""
     # damping

@@ -25,7 +25,7 @@ def build_tools(
 
     files: contents of tools' meshes by the path that the scene gives them; raises MeshError where one is no solid.
     Raises MissingRow where a kind of tool has no shape, ShapeError where it has one that does not fit.
-    Near tools are those that `regions.near` names, else those that the motion moves.
+    Followed are those that `regions.near` names, else those that the motion moves.
     """
     names = tuple(scene.tools)
     specs = tuple(scene.tools.values())
@@ -34,14 +34,14 @@ def build_tools(
     rows = np.zeros((len(names), max((len(each.numbers) for each in geometry), default=3)))
     for row, each in zip(rows, geometry, strict=True):
         row[: len(each.numbers)] = each.numbers
-    near = near_tools(scene)
+    followed = followed_tools(scene)
     tools = ToolSet(
         names=names,
         kind=np.array([shape.number for shape in shapes], dtype=np.int64),
         shape=rows,
         reach=np.array([each.reach for each in geometry], dtype=np.float64),
         friction=np.array([tool.friction for tool in specs], dtype=np.float64),
-        near=np.array([name in near for name in names], dtype=np.bool_),
+        followed=np.array([name in followed for name in names], dtype=np.bool_),
         position=np.array([_place(spec, each) for spec, each in zip(specs, geometry, strict=True)]).reshape(-1, 3),
         orientation=np.array([each.orientation for each in geometry], dtype=np.float64).reshape(-1, 4),
         geometry=geometry,
@@ -62,9 +62,8 @@ def _place(spec: PlaneTool | SolidTool, geometry: Geometry) -> Floats:
     return np.asarray(np.array(spec.position) - rotate(geometry.orientation, *geometry.placed_by))
 
 
-def near_tools(scene: Scene) -> frozenset[str]:
+def followed_tools(scene: Scene) -> frozenset[str]:
     """Names of the tools whose distance makes cells near."""
-    near = scene.regions.near
-    if near is not None and near.tools is not None:
-        return frozenset(near.tools)
+    if scene.regions.tools is not None:
+        return frozenset(scene.regions.tools)
     return frozenset(name for phase in scene.motion if not isinstance(phase, HoldPhase) for name in phase.tools)

@@ -29,7 +29,7 @@ def check_symmetry(scene: Scene, body: Body, tools: ToolSet) -> None:
         plane = symmetry_plane(body, axis)
         image = images_of_tools(plane, tools, SAME * body.resolution)
         _check_motion(scene, plane, image)
-        for t in np.flatnonzero(tools.near & ~tools.near[image]):
+        for t in np.flatnonzero(tools.followed & ~tools.followed[image]):
             raise asymmetric(axis, f"regions.near.tools names {tools.names[t]!r} without its image: name both")
 
 

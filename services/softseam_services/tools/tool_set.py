@@ -30,7 +30,7 @@ class ToolSet:
     """radius of a ball about each tool's position that holds it, infinite for a plane (t,) [m]"""
     friction: NDArray[np.float64]
     """Coulomb coefficients (t,)"""
-    near: NDArray[np.bool_]
+    followed: NDArray[np.bool_]
     """tools whose distance makes cells near (t,)"""
     position: NDArray[np.float64]
     """positions at time 0: centre, or a point of the plane (t, 3) [m]"""

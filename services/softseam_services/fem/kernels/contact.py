@@ -238,7 +238,7 @@ def any_held(count, work):
 
 @njit(cache=True, error_model="numpy")
 def lets_go(parameters, tools, count, work):
-    """Whether most points that carried a force of a near tool when the step began are open, or slip though they stuck.
+    """Whether most points that a followed tool pressed as the step began are open, or slip though they stuck.
 
     The ground does not count: what is pushed over it and begins to slide shall slide.
     """
@@ -246,7 +246,7 @@ def lets_go(parameters, tools, count, work):
     for c in range(count):
         f, row, point, tool = work.multiplier[c], work.contact[c], work.pair[c, 0], work.pair[c, 1]
         square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2]
-        if square == 0.0 or not tools.near[tool]:
+        if square == 0.0 or not tools.followed[tool]:
             continue
         carried += 1
         if work.state[c] == SLIP:

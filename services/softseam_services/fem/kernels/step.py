@@ -83,7 +83,7 @@ def _record_contacts(now, end, count, model, parameters, tools, work, result):
             if touched:
                 contact[point, tool, 3 + i] = contact0[point, tool, 3 + i] + row[SLIDE + i]
             slipped += contact[point, tool, 3 + i] ** 2
-        if tools.near[tool]:
+        if tools.followed[tool]:
             out[SLIPPED] = max(out[SLIPPED], np.sqrt(slipped))
         point_position(x, model, parameters, point, arm)
         next_anchor(c, arm, work, contact[point, tool, ANCHOR:])
@@ -199,7 +199,7 @@ def _report(now, end, inputs, pulled, model, parameters, work, result):
         for i in range(3):
             result.seam_x[s, i] = x[model.seam[s], i]
     cell_distances(
-        x, model.cell_nodes, tools.kind, tools.shape, tools.position_next, tools.orientation_next, tools.near,
+        x, model.cell_nodes, tools.kind, tools.shape, tools.position_next, tools.orientation_next, tools.followed,
         work.node_gap, result.distance,
     )  # fmt: skip
 

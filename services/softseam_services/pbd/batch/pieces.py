@@ -112,8 +112,9 @@ class Structure:
         self.shape: Singles = np.ascontiguousarray(tools.shape[:, :3], dtype=np.float32)
         self.gravity: Singles = np.asarray(body.gravity, dtype=np.float32)
         self.size: Floats = np.ptp(self.x_rest, axis=0)
-        self._position: Floats = np.array(scene.body.said("position", (0.0, 0.0, 0.0)))
-        self._friction_field = scene.body.uneven_friction
+        spec = scene.body
+        self._position: Floats = np.array(spec.said("position", (0.0, 0.0, 0.0)))
+        self._friction_field = spec.uneven_friction
         self.layout: Layout = lay_out(len(self.kind), len(used), len(self.nodes), len(self.points))
 
     @property

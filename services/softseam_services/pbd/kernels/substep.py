@@ -213,6 +213,6 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
     result[RESIDUAL], result[STRETCH] = residual(figures)
     result[TOOL_WORK], result[SEAM_WORK] = tool_work, seam_work
     cell_distances(
-        *(x, model.cell_nodes, parameters.kind, parameters.shape, pose[1], quaternion[1], parameters.near),
+        *(x, model.cell_nodes, parameters.kind, parameters.shape, pose[1], quaternion[1], parameters.followed),
         *(scratch.node_gap, outputs.distance),
     )

@@ -53,7 +53,8 @@ def summarise_motion(parameters, x, v, result):
 @njit(cache=True, error_model="numpy")
 def summarise(parameters, state, contacts, n_substeps, result):
     """Energies, momenta, bounds and contact figures at the end of the step into result (N_RESULTS,)."""
-    kind, shape, near, point_x = parameters.kind, parameters.shape, parameters.near, contacts.point_x
+    kind, shape, followed = parameters.kind, parameters.shape, parameters.followed
+    point_x = contacts.point_x
     position, orientation, force = contacts.position[1], contacts.orientation[1], state.force
     pair_start, rows, pairs = contacts.start, contacts.rows, contacts.pairs
     result[:] = 0.0
@@ -78,7 +79,7 @@ def summarise(parameters, state, contacts, n_substeps, result):
                         for c in range(3):
                             first = first and force[point, other, c] == 0.0
                     result[N_CONTACTS] += 1.0 if first else 0.0
-                    if near[tool]:
+                    if followed[tool]:
                         result[SLIP] = max(result[SLIP], _size(pairs, group, SLIP_SINCE, lane))
                 depth = pairs[group, EIGHT * DEPTH + lane]
                 if depth > 0.0:

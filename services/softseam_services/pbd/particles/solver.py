@@ -15,9 +15,9 @@ from softseam_protocol.messages.participant import (
     Capabilities,
     Correct,
     Fields,
-    ParticleReport,
     ToolMotion,
 )
+from softseam_protocol.messages.particles import ParticleReport
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Floats
 from softseam_services.body.particles import ParticleBody

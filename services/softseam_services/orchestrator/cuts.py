@@ -1,4 +1,4 @@
-"""Which cells are near: the scene's rule, applied to what the participants report.
+"""The cut of a body: which cells are near, by the scene's rule, applied to what the participants report.
 
 Distances to tools come with every step; stresses and model errors are looked at every few steps, where the scene has a
 bound for them. Where the near model on the whole body costs no more than the cut that the rule asks for, the body is
@@ -16,15 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.regions import CellGrid, RegionRule, RegionState
-from softseam_protocol.messages.names import ONLY_BODY
+from softseam_protocol.messages.names import ONLY_BODY, within
 from softseam_protocol.messages.participant import Advanced, Fields
-from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT
+from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT, PARTICLES_DEFAULT
 from softseam_protocol.scene.regions import NearSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
+from softseam_services.body.build import AnyBody
+from softseam_services.body.errors import SettingError
+from softseam_services.body.region import shared_nodes
 from softseam_services.orchestrator.cost import one_is_enough, step_cost
+from softseam_services.orchestrator.parts import Parts
 from softseam_services.orchestrator.refinement import RefinementIndicators
-from softseam_services.orchestrator.sides import Sides, cut
 from softseam_services.solvers import SOLVERS
 from softseam_services.tools.kernels import cell_distances
 from softseam_services.tools.tool_set import ToolSet
@@ -32,12 +35,35 @@ from softseam_services.tools.tool_set import ToolSet
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+NEAR, FAR = "near", "far"
+"""what parts of a body that is cut are called, in ids"""
 LOOK_EVERY = 5
 """steps between looks at stresses and model errors"""
 RETRY = 10
 """steps after which a switch that was refused is tried again"""
 _STEPS_AHEAD = 2
 """a tool that would be within reach after so many steps is: a switch takes effect in the next"""
+
+
+def cut(name: str, body: AnyBody, near: Mask, near_model: str, far_model: str) -> Parts:
+    """Cut the body of that name into the near cells (C,) and the rest; one of particles is one part, without cells."""
+    none = np.zeros(0, dtype=np.int32)
+    part, other = within(name, NEAR), within(name, FAR)
+    if not body.has_cells:
+        return Parts(name, {other: far_model}, {other: none}, {other: body.n_nodes}, none)
+    cells = {part: np.flatnonzero(near).astype(np.int32), other: np.flatnonzero(~near).astype(np.int32)}
+    models = {part: near_model, other: far_model}
+    kept = [name for name in (part, other) if len(cells[name])]
+    seam = none
+    if len(kept) == 2:
+        seam = shared_nodes(body, cells[part], cells[other])
+    return Parts(
+        name,
+        {name: models[name] for name in kept},
+        {name: cells[name] for name in kept},
+        {name: len(np.unique(body.cell_nodes[cells[name]])) for name in kept},
+        seam,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +77,19 @@ class Unmet:
     n_asked: int
     """cells that are near, were, or were to become so"""
 
+    def said(self, model: str, limit: float) -> str:
+        """In words, of cells that were to be this model's; limit: share of the energy that a switch may change [1]."""
+        return (
+            f"{self.n_never} of the {self.n_asked} cells that regions.near asked for never became {model}: "
+            f"{self.n_refused} switches were refused, since each would have changed the energy by more than "
+            f"{100.0 * limit:g} %; put these cells into regions.near.boxes, which makes them {model} from "
+            f"the start, or say regions.default: {model}"
+        )
+
 
 class NearCells:
-    """The near cells of a body while tools come and go."""
+    """The near cells of a body while tools come and go. Raises SettingError for a bound of an error that nothing
+    estimates."""
 
     def __init__(self, scene: Scene, body: Body, tools: ToolSet) -> None:
         self._body, self._tools = body, tools
@@ -66,6 +102,10 @@ class NearCells:
         )
         self._rule = _rule(near, self._fixed)
         self._horizon = _STEPS_AHEAD if near is None or near.ahead is None else near.ahead / scene.step
+        if near is not None and near.error is not None and body.material.n_state:
+            raise SettingError(
+                f"regions.near.error: what pbd errs by is not known of {body.material.kind}: say within or stress"
+            )
         self._refinement = RefinementIndicators(body, near, scene.regions.goal)
         self.model = NEAR_DEFAULT if near is None else near.model
         """model of the near cells"""
@@ -119,7 +159,7 @@ class NearCells:
             tools.shape,
             tools.position,
             tools.orientation,
-            tools.near,
+            tools.followed,
             node_gap,
             distance,
         )
@@ -134,7 +174,7 @@ class NearCells:
 
     def follow(
         self,
-        sides: Sides,
+        parts: Parts,
         replies: Mapping[str, Advanced],
         seen: Mapping[str, Fields] | None = None,
         blame: Floats | None = None,
@@ -148,10 +188,11 @@ class NearCells:
             return ""
         self._had |= self._cut
         if self.enough:
-            self._distance = replies[sides.near].cell_distance.copy()
+            (whole,) = parts.names
+            self._distance = replies[whole].cell_distance.copy()
             return ""
         distance = np.empty(self._body.n_cells)
-        for name, cells in sides.cells.items():
+        for name, cells in parts.cells.items():
             distance[cells] = replies[name].cell_distance
         with np.errstate(invalid="ignore"):
             approach = self._horizon * (self._distance - distance)
@@ -161,7 +202,7 @@ class NearCells:
         if blame is not None:
             self._refinement.blame(blame)
         if seen is not None:
-            self._refinement.look(sides, seen, self._cut)
+            self._refinement.look(parts, seen, self._cut)
         measures = self._refinement.measures
         if seen is None and blame is None:
             # an old look keeps cells near, and raises none: they would come before what it brought is seen
@@ -214,7 +255,7 @@ class NearCells:
 
     def _enough(self, near: NearSpec | None) -> str:
         """Why all cells may as well be near always; '' where that may cost more than to follow the tools."""
-        if near is None or near.within is None or not self._tools.near.any() or self._coarse.any():
+        if near is None or near.within is None or not self._tools.followed.any() or self._coarse.any():
             return ""  # no tool ever asks for near cells; or the scene wants coarse blocks where no tool is
         share = one_is_enough(self._body, self._models, self._dt, True)
         if share > 1.0:
@@ -222,10 +263,19 @@ class NearCells:
         cells = f"{self.model} on all {self._body.n_cells} cells"
         return f"one model is enough: {cells} costs {share:.2g} of {self._far_model} at rest, and less than a cut"
 
+    def parts(self, name: str, body: AnyBody) -> Parts:
+        """Of the body, which has this name, as it is cut."""
+        return cut(name, body, self._cut, self.model, self._far_model)
+
+    @property
+    def models(self) -> tuple[str, str]:
+        """Of the cells that are not near, and of those that are."""
+        return self._far_model, self.model
+
     def _cost(self, near: Mask) -> float:
         """Expected cost of a step cut like this (C,) [us]."""
-        sides = cut(ONLY_BODY, self._body, near, self.model, self._far_model)
-        return step_cost(self._body, sides, self._models, self._dt, len(self._tools.names) > 0, self._coarse)
+        parts = cut(ONLY_BODY, self._body, near, self.model, self._far_model)
+        return step_cost(self._body, parts, self._models, self._dt, len(self._tools.names) > 0, self._coarse)
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
         """What evolves, for a snapshot."""
@@ -254,3 +304,45 @@ def _rule(near: NearSpec | None, fixed: bool) -> RegionRule:
     if near is None or fixed:
         return RegionRule(0.0, min_patch=1)  # boxes are taken at their word
     return RegionRule(-np.inf if near.within is None else near.within, near.release, near.patience)
+
+
+class NoCells:
+    """Stands for `NearCells` where a body has no cells: one region, which no tool divides."""
+
+    model = PARTICLES_DEFAULT
+    looks_for = (False, False)
+    looks_for_goal = False
+    enough = ""
+    unmet = Unmet(0, 0, 0)
+    models = (PARTICLES_DEFAULT, PARTICLES_DEFAULT)
+    neighbours: NDArray[np.int32] = np.zeros((0, 6), dtype=np.int32)
+
+    def __init__(self, scene: Scene) -> None:
+        self._far_model = scene.regions.far
+        self.mask: Mask = np.zeros(0, dtype=np.bool_)
+
+    def parts(self, name: str, body: AnyBody) -> Parts:
+        """Of the body, which has this name: one."""
+        return cut(name, body, self.mask, self.model, self._far_model)
+
+    def reset(self) -> None:
+        """Nothing evolves."""
+
+    def follow(
+        self,
+        parts: Parts,
+        replies: Mapping[str, Advanced],
+        seen: Mapping[str, Fields] | None = None,
+        blame: Floats | None = None,
+    ) -> str:
+        """Never a reason to switch."""
+        return ""
+
+    def refused(self) -> None:
+        """Nothing switches."""
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
+        return {"cut": np.zeros(0, dtype=np.int32)}
+
+    def take(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+        """Nothing evolves."""
