@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import operator
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from softseam.backend import Backend, backend_of
 from softseam.duration import expected_duration, too_many_steps
-from softseam.errors import BadInput, BadVelocity, NotReset, SceneRefused, SessionClosed, UnknownTool, require_extra
+from softseam.errors import BadInput, NotReset, SceneRefused, SessionClosed, require_extra
+from softseam.given import checked_velocities, whole
 from softseam.gradient import Gradient, check_inputs
 from softseam.losses import Loss
 from softseam.observation import Observation, observation_from
@@ -25,72 +24,10 @@ from softseam_protocol.messages import session as messages
 from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Recorded, SurfaceMesh
-from softseam_protocol.scene.motion import LARGEST_TURN
 from softseam_protocol.scene.scene import Scene
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-
-
-class Backend(Protocol):
-    """What runs the simulation: this process, or an orchestrator on the bus. Every call may raise SoftseamError."""
-
-    recorded: Recorded | None
-    unrecorded: str
-    """what became of the last recording that was ended"""
-
-    def doubts(self, scene: Scene) -> list[str]:
-        """What is doubtful about the scene that it runs, as far as that is known here."""
-        ...
-
-    def reset(self, seed: int, bundle: Bundle | None = None) -> messages.Observation:
-        """Begin the scene anew, or another one; where that is refused, stand at the start of the one at hand."""
-        ...
-
-    def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> messages.Observation:
-        """Take steps with these tool velocities, or with the scene's own motion where they are None."""
-        ...
-
-    def follow(self, most: int | None) -> Sequence[messages.Observation]:
-        """Take some steps with the scene's own motion, at least one and at most `most`; what was seen after each."""
-        ...
-
-    def save(self) -> bytes: ...
-
-    def load(self, state: bytes) -> messages.Observation: ...
-
-    def estimate(self) -> messages.ErrorEstimate | None: ...
-
-    def surface_meshes(self) -> Mapping[str, SurfaceMesh]: ...
-
-    def differentiate(
-        self,
-        loss: Loss,
-        names: Sequence[str],
-        commands: Sequence[Mapping[str, Sequence[float]]] | None,
-        steps: int | None,
-        near: float,
-    ) -> tuple[Gradient, messages.Observation]:
-        """See `Session.gradient`; and what is seen at the end of the run."""
-        ...
-
-    def close(self) -> None: ...
-
-
-_NUMBERS = (
-    "three numbers [m/s], e.g. [0.02, 0, 0], three more [rad/s] where it also turns, and a seventh to make it "
-    "hold a sheet or rope (1) or let go (0)"
-)
-
-
-def whole(value: object) -> int | None:
-    """A whole number, numpy's too; None of what is none. True and False are none, though Python counts with them."""
-    if isinstance(value, bool | np.bool_):
-        return None
-    try:
-        return operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
-        return None
 
 
 def open_as_given(
@@ -111,7 +48,7 @@ def open_as_given(
     if record and any(body.said("ladder", ()) for body in varied.bodies.values()):
         raise BadInput("a body with a ladder changes its cells, and a recording has one surface a body: do not record")
     try:
-        backend = _backend(bundle, connect, record, timeout)
+        backend = backend_of(bundle, connect, record, timeout)
     except SceneRefused as error:
         raise SceneRefused(located(str(error), scene, settings)) from error
     return Session(varied, bundle, backend, model, scene)
@@ -136,20 +73,6 @@ def _varied(scene: Scene, model: Model | None, settings: Sequence[str]) -> Scene
         if model == "hybrid" or any(setting.strip().startswith("regions") for setting in settings):
             raise
     return with_model(with_settings(with_model(scene, model), settings), model)
-
-
-def _backend(bundle: Bundle, connect: str | None, record: str | Path | bool | None, timeout: float) -> Backend:
-    if connect is None:
-        if isinstance(record, bool):
-            raise BadInput("record=True is for connected sessions: give the recording a file name")
-        from softseam.embedded import EmbeddedBackend
-
-        return EmbeddedBackend(bundle, record=None if record is None else Path(record))
-    if isinstance(record, str | Path):
-        raise BadInput("a connected session is recorded where the recorder runs: use record=True")
-    from softseam.connected import ConnectedBackend
-
-    return ConnectedBackend(bundle, connect, record=bool(record), timeout=timeout)
 
 
 class Session:
@@ -344,6 +267,9 @@ class Session:
         self._observe(seen)
         return gradient
 
+    def _checked(self, velocities: Mapping[str, ArrayLike]) -> dict[str, Vector3]:
+        return checked_velocities(velocities, self.scene, self._tools)
+
     def _listed(self, command: Mapping[str, ArrayLike]) -> dict[str, list[float]]:
         return {name: velocity.tolist() for name, velocity in self._checked(command).items()}
 
@@ -468,31 +394,3 @@ class Session:
         observation = observation_from(message, self._tools)
         self._last = observation
         return observation
-
-    def _checked(self, tool_velocities: Mapping[str, ArrayLike]) -> dict[str, Vector3]:
-        if not isinstance(tool_velocities, Mapping):
-            raise BadVelocity(
-                f"tool velocities are a mapping from tool names to velocities, not {type(tool_velocities).__name__}"
-            )
-        checked = {}
-        for name, value in tool_velocities.items():
-            if name not in self._tools:
-                raise UnknownTool(
-                    f"the scene {self.scene.name!r} has no tool {name!r}; it has: {', '.join(self._tools) or 'none'}"
-                )
-            try:
-                velocity = np.array(value, dtype=np.float64)
-            except (TypeError, ValueError):
-                raise BadVelocity(f"the velocity of {name!r} is {value!r}: give {_NUMBERS}") from None
-            if velocity.shape not in ((3,), (6,), (7,)):
-                raise BadVelocity(f"the velocity of {name!r} has shape {velocity.shape}: give {_NUMBERS}")
-            if not np.isfinite(velocity).all():
-                raise BadVelocity(f"the velocity of {name!r} is {velocity.tolist()}: it must be finite")
-            turn = float(np.linalg.norm(velocity[3:6])) * self.scene.step
-            if turn > LARGEST_TURN:
-                raise BadVelocity(
-                    f"{name!r} would turn by {turn:.3g} rad in a step of {self.scene.step:g} s, more than "
-                    f"{LARGEST_TURN:g}: turn it more slowly, or shorten the step"
-                )
-            checked[name] = velocity
-        return checked

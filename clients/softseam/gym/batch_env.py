@@ -18,6 +18,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from softseam.errors import BadInput
+from softseam.given import whole
 from softseam.gym.lift_scene import CRUSHED, HEIGHT, PADS, SPEED, STEPS, SUBSTEPS, settings_of
 from softseam.gym.randomise import Drawn, Randomise
 from softseam.gym.reward import GENTLE, Grip, Term
@@ -27,7 +28,6 @@ from softseam.gym.shown_batch import Device, Numbers, ShownBatch
 from softseam.gym.sight import BOUND, SEEN, Sight
 from softseam.gym.task_env import ACT
 from softseam.scenes import bundle_of
-from softseam.session import whole
 from softseam.variants import with_settings
 from softseam_protocol.scene.tools import BoxTool
 

@@ -10,9 +10,9 @@ from gymnasium.spaces import Box, Dict, Space
 from numpy.typing import ArrayLike, NDArray
 
 from softseam.errors import BadInput, NotReset, missing_extra
+from softseam.given import whole
 from softseam.gym.scene_env import SceneEnv
 from softseam.observation import Observation
-from softseam.session import whole
 from softseam.view import raster
 from softseam.view.tool_shapes import PLANE_EXTENTS, ToolShape, rotate, tool_shapes
 

@@ -10,9 +10,9 @@ from gymnasium.spaces import Box, Dict, Space
 from numpy.typing import NDArray
 
 from softseam.errors import BadInput, NotReset
+from softseam.given import whole
 from softseam.gym.scene_env import Numbers, SceneEnv
 from softseam.gym.sight import BOUND
-from softseam.session import whole
 
 
 class PointCloud(gymnasium.ObservationWrapper[dict[str, Numbers], Any, Numbers]):

@@ -100,7 +100,8 @@ class Randomise:
     @classmethod
     def nothing(cls, scene: Scene) -> Randomise:
         """Every episode as the scene is."""
-        poisson = scene.body.cell_materials[0].poisson if scene.body.has_cells else 0.0
+        materials = scene.body.cell_materials
+        poisson = materials[0].poisson if materials else 0.0
         none: dict[str, Any] = {f.name: 0.0 for f in fields(cls) if isinstance(f.default, float)}
         return cls(**none, poisson=(poisson, poisson))
 
@@ -130,8 +131,8 @@ class Randomise:
         """One piece of a scene of a block or a mesh, between pads."""
         others = [name for name in scene.tools if name not in pads]
         part = random.uniform(-1.0, 1.0, 10 + len(others))  # of each spread
-        body = scene.body
-        assert isinstance(body, BodySpec)
+        body = scene.body.in_cells
+        assert body is not None
         low, high = self.poisson
         friction = {}
         for name, each in [*((pad, part[6]) for pad in pads), *zip(others, part[10:], strict=True)]:
@@ -163,8 +164,8 @@ class Randomise:
 
     def settings(self, scene: Scene, pads: Sequence[str], random: np.random.Generator) -> tuple[str, ...]:
         """Of one piece, as `softseam run --set` takes them."""
-        drawn, body = self.draw(scene, pads, random), scene.body
-        assert isinstance(body, BodySpec)
+        drawn, body = self.draw(scene, pads, random), scene.body.in_cells
+        assert body is not None
         found = [
             f"body.material.young={drawn.young:.6g}",
             f"body.material.density={drawn.density:.6g}",

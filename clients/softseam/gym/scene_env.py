@@ -14,12 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from softseam.duration import expected_duration
 from softseam.errors import BadInput, NotReset, SimulationFailed
+from softseam.given import whole
 from softseam.gym.picture import NO_MARKS, Image, Picture
 from softseam.gym.show import MODES, Window, checked, modes_here, warn_of_none
 from softseam.observation import Observation
 from softseam.opening import open as open_session
 from softseam.scenes import bundle_of
-from softseam.session import Session, whole
+from softseam.session import Session
 from softseam.variants import Model, with_settings
 from softseam.view.raster import Camera
 from softseam_protocol.messages.outcomes import EventKind

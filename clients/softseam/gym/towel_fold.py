@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from softseam.errors import BadInput
+from softseam.given import whole
 from softseam.gym.reward import FOLD, Fold, Term, fitting
 from softseam.gym.scene_env import Numbers
 from softseam.gym.sight import BOUND, logarithm
 from softseam.gym.task_env import ACT, Frame, TaskEnv
 from softseam.observation import Observation
 from softseam.scenes import load_scene
-from softseam.session import whole
 from softseam_protocol.models import PARTICLES_DEFAULT
 from softseam_protocol.scene.particles import SheetBody
 

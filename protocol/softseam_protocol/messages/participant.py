@@ -31,6 +31,7 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.message import message
 from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.outcomes import Detail, FailureKind, Status
+from softseam_protocol.messages.particles import ParticleReport
 
 
 @message
@@ -276,26 +277,6 @@ class Advanced:
     what steps lose of the body's rotation is not given back"""
     dissipated: float = 0.0
     """what a material with internal state dissipated in the step [J]; 0: nothing, or an older participant"""
-
-
-@message
-class ParticleReport:
-    """How well the constraints of a body of particles are met at the end of a step."""
-
-    worst_stretch: float
-    """largest change of length of a spring, relative, or largest strain of a tetrahedron [1]"""
-    stretch_violation: float
-    """farthest that a spring is from its own law, relative to its length [1]"""
-    stretch_violation_mean: float
-    bending_violation: float
-    """farthest that a bend is from its own law, relative to the particles' spacing [1]"""
-    bending_violation_mean: float
-    stretch_energy: float
-    """[J]"""
-    bending_energy: float
-    """[J]"""
-    held: Count
-    """particles that tools hold"""
 
 
 @message

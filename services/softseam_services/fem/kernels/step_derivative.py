@@ -22,16 +22,28 @@ from __future__ import annotations
 import numpy as np
 
 from softseam_services.fem.kernels.anderson import add_scaled
-from softseam_services.fem.kernels.contact import EDGED, NORMAL, OPEN, PRESSURE, SWEPT, TRACTION, acting_weight
+from softseam_services.fem.kernels.contact import EDGED, OPEN, SWEPT
 from softseam_services.fem.kernels.contact_derivative import BY_FRICTION, BY_PENALTY, differentiate_contacts
+from softseam_services.fem.kernels.contact_spread import (
+    ACTING,
+    POINT,
+    acting,
+    add_by_edges,
+    add_by_lean,
+    collect,
+    dot3,
+    lean_owes,
+    spread,
+    spread_by_edges,
+    spread_by_lean,
+    times,
+    times_transposed,
+)
 from softseam_services.fem.kernels.dot import dot
 from softseam_services.fem.kernels.fronts import solve
 from softseam_services.fem.kernels.gmres import add_solution, begin_krylov, extend_krylov
 from softseam_services.fem.kernels.tangent_product import multiply_tangent
 from softseam_services.jit import njit
-
-POINT, ACTING = 2, 3
-"""where W of `_spread` is: at a candidate's point, or where its force acts"""
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -50,137 +62,9 @@ def differentiate(model, parameters, now, end, tools, dt, count, work, slopes):
     force = np.empty(3)
     for c in range(count):
         if work.state[c] != OPEN:
-            _acting(c, work, force)
-            _spread(c, ACTING, 1.0, force, model, parameters, work, inner)
+            acting(c, work, force)
+            spread(c, ACTING, 1.0, force, model, parameters, work, inner)
     differentiate_contacts(now.x, now.v, dt, x, now.contact, model, parameters, tools, count, work, slopes)
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _weight(c, entry, which, parameters, work):
-    """Of a node, at a candidate's place in `_spread` and `_collect`."""
-    if which == POINT:
-        return parameters.point_weight[entry]
-    if which == ACTING:
-        return acting_weight(c, entry, parameters, work)
-    return parameters.point_tilt[entry, which]
-
-
-@njit(cache=True, error_model="numpy")
-def _spread(c, which, scale, vector, model, parameters, work, out):
-    """out += scale W^T vector (3,) of a candidate, at free nodes: W of its point, of where its force acts, or of one of
-    its patch's edges, 0 or 1."""
-    point = work.pair[c, 0]
-    for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-        place, weight = 3 * model.point_place[entry], scale * _weight(c, entry, which, parameters, work)
-        if place >= 0:
-            out[place] += weight * vector[0]
-            out[place + 1] += weight * vector[1]
-            out[place + 2] += weight * vector[2]
-
-
-@njit(cache=True, error_model="numpy")
-def _collect(c, which, values, model, parameters, work, out):
-    """out (3,) <- W values of a candidate, as in `_spread`; values (3 n_free,)."""
-    point = work.pair[c, 0]
-    out[0] = out[1] = out[2] = 0.0
-    for entry in range(model.point_ptr[point], model.point_ptr[point + 1]):
-        place, weight = 3 * model.point_place[entry], _weight(c, entry, which, parameters, work)
-        if place >= 0:
-            out[0] += weight * values[place]
-            out[1] += weight * values[place + 1]
-            out[2] += weight * values[place + 2]
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(cache=True, error_model="numpy")
-def _add_by_edges(c, values, model, parameters, work, slopes, force):
-    """force (3,) += what a change of the edges of a candidate's patch makes of it; values (3 n_free,)."""
-    if work.side[c] != EDGED:
-        return
-    change = np.empty(3)
-    for which in range(2):
-        _collect(c, which, values, model, parameters, work, change)
-        for i in range(3):
-            force[i] += _dot(slopes.edges[c, which, i], change)
-
-
-@njit(cache=True, error_model="numpy")
-def _spread_by_edges(c, scale, vector, model, parameters, work, slopes, out):
-    """out += the transpose of `_add_by_edges`, times scale and a vector (3,), at free nodes."""
-    if work.side[c] != EDGED:
-        return
-    back = np.empty(3)
-    for which in range(2):
-        _times_transposed(slopes.edges[c, which], 3, vector, back)
-        _spread(c, which, scale, back, model, parameters, work, out)
-
-
-@njit(cache=True, error_model="numpy")
-def _add_by_lean(c, scale, values, model, parameters, work, slopes, out):
-    """out += scale times what the force does as it moves on a candidate's patch; values (3 n_free,)."""
-    if work.side[c] != EDGED:
-        return
-    change, force = np.empty(3), np.empty(3)
-    moved = np.zeros(2)
-    for which in (0, 1, POINT):
-        _collect(c, which, values, model, parameters, work, change)
-        for along in range(2):
-            moved[along] += scale * _dot(slopes.lean[c, along, which], change)
-    _acting(c, work, force)
-    for along in range(2):
-        _spread(c, along, moved[along], force, model, parameters, work, out)
-
-
-@njit(cache=True, error_model="numpy")
-def _spread_by_lean(c, scale, values, model, parameters, work, slopes, out):
-    """out += the transpose of `_add_by_lean`, times scale, of values (3 n_free,)."""
-    if work.side[c] != EDGED:
-        return
-    back, moves = np.empty(3), np.empty(2)
-    _lean_owes(c, values, model, parameters, work, moves)
-    for which in (0, 1, POINT):
-        for j in range(3):
-            back[j] = moves[0] * slopes.lean[c, 0, which, j] + moves[1] * slopes.lean[c, 1, which, j]
-        _spread(c, which, scale, back, model, parameters, work, out)
-
-
-@njit(cache=True, error_model="numpy")
-def _acting(c, work, force):
-    """force (3,) [N] <- that of a candidate."""
-    row = work.contact[c]
-    for i in range(3):
-        force[i] = row[PRESSURE] * row[NORMAL + i] + row[TRACTION + i]
-
-
-@njit(cache=True, error_model="numpy")
-def _lean_owes(c, values, model, parameters, work, moves):
-    """moves (2,) [N m] <- what values (3 n_free,) make of the force's moving along each edge of its patch."""
-    force, change = np.empty(3), np.empty(3)
-    _acting(c, work, force)
-    for which in range(2):
-        _collect(c, which, values, model, parameters, work, change)
-        moves[which] = _dot(force, change)
-
-
-@njit(cache=True, error_model="numpy")
-def _times(matrix, first, vector, out):
-    """out (3,) <- three rows of matrix (6, 3) from `first` on, times vector (3,)."""
-    for i in range(3):
-        row = matrix[first + i]
-        out[i] = row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2]
-
-
-@njit(cache=True, error_model="numpy")
-def _times_transposed(matrix, rows, vector, out):
-    """out (3,) <- the transpose of the first rows of matrix (6, 3), times vector (rows,)."""
-    for i in range(3):
-        out[i] = 0.0
-        for k in range(rows):
-            out[i] += matrix[k, i] * vector[k]
 
 
 @njit(cache=True, error_model="numpy")
@@ -196,17 +80,17 @@ def _apply(transposed, x, inertia, model, parameters, count, v, work, slopes, ou
     for c in range(count):
         if work.state[c] != OPEN:
             if transposed:
-                _collect(c, ACTING, v, model, parameters, work, moved)
-                _times_transposed(slopes.place[c], 3, moved, force)
-                _spread_by_edges(c, -1.0, moved, model, parameters, work, slopes, out)
-                _spread_by_lean(c, -1.0, v, model, parameters, work, slopes, out)
-                _spread(c, POINT, -1.0, force, model, parameters, work, out)
+                collect(c, ACTING, v, model, parameters, work, moved)
+                times_transposed(slopes.place[c], 3, moved, force)
+                spread_by_edges(c, -1.0, moved, model, parameters, work, slopes, out)
+                spread_by_lean(c, -1.0, v, model, parameters, work, slopes, out)
+                spread(c, POINT, -1.0, force, model, parameters, work, out)
             else:
-                _collect(c, POINT, v, model, parameters, work, moved)
-                _times(slopes.place[c], 0, moved, force)
-                _add_by_edges(c, v, model, parameters, work, slopes, force)
-                _add_by_lean(c, -1.0, v, model, parameters, work, slopes, out)
-                _spread(c, ACTING, -1.0, force, model, parameters, work, out)
+                collect(c, POINT, v, model, parameters, work, moved)
+                times(slopes.place[c], 0, moved, force)
+                add_by_edges(c, v, model, parameters, work, slopes, force)
+                add_by_lean(c, -1.0, v, model, parameters, work, slopes, out)
+                spread(c, ACTING, -1.0, force, model, parameters, work, out)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -255,9 +139,9 @@ def begin_back(model, parameters, dt, count, owed, work, slopes):
         for i in range(3):
             seed[i] = owed.force[point, tool, i] - owed.tool_force[tool, i]
             seed[3 + i] = owed.anchor[point, tool, i]
-        _times_transposed(slopes.place[c], 6, seed, back)
-        _spread(c, POINT, 1.0, back, model, parameters, work, right)
-        _spread_by_edges(c, 1.0, seed, model, parameters, work, slopes, right)
+        times_transposed(slopes.place[c], 6, seed, back)
+        spread(c, POINT, 1.0, back, model, parameters, work, right)
+        spread_by_edges(c, 1.0, seed, model, parameters, work, slopes, right)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -275,11 +159,11 @@ def finish_back(model, parameters, dt, count, owed, work, slopes):
     owed.young[0] -= dot(w, slopes.inner)
     for c in range(count):
         if work.state[c] != OPEN:
-            _collect(c, ACTING, w, model, parameters, work, y)
+            collect(c, ACTING, w, model, parameters, work, y)
             for i in range(3):
                 slopes.seed[c, i] += y[i]
             if work.side[c] == EDGED:
-                _lean_owes(c, w, model, parameters, work, y)
+                lean_owes(c, w, model, parameters, work, y)
                 for i in range(3):
                     by_place = y[0] * slopes.lean[c, 0, POINT, i] + y[1] * slopes.lean[c, 1, POINT, i]
                     owed.tool_end[work.pair[c, 1], i] -= by_place
@@ -292,13 +176,13 @@ def finish_back(model, parameters, dt, count, owed, work, slopes):
 def _pull_contact(c, model, parameters, owed, work, slopes):
     """Eq. (3) of a candidate's inputs, from its seed (y, B)."""
     point, tool, seed, back = work.pair[c, 0], work.pair[c, 1], slopes.seed[c], np.empty(3)
-    _times_transposed(slopes.multiplier[c], 6, seed, back)
+    times_transposed(slopes.multiplier[c], 6, seed, back)
     for i in range(3):
         owed.force[point, tool, i] += back[i]
-    _times_transposed(slopes.place[c], 6, seed, back)
+    times_transposed(slopes.place[c], 6, seed, back)
     for i in range(3):
         owed.tool_end[tool, i] += seed[3 + i] - back[i]
-    _times_transposed(slopes.since[c], 6, seed, back)
+    times_transposed(slopes.since[c], 6, seed, back)
     for i in range(3):
         owed.tool_start[tool, i] += back[i]
         if slopes.anchored[c]:
@@ -317,8 +201,8 @@ def _pull_met(c, model, parameters, dt, owed, work, slopes):
     """Eq. (3) of where a point that meets a plane comes from and flies to."""
     point, tool, seed = work.pair[c, 0], work.pair[c, 1], slopes.seed[c]
     start, end = np.empty(3), np.empty(3)
-    _times_transposed(slopes.met[c, 0], 3, seed, start)
-    _times_transposed(slopes.met[c, 1], 3, seed, end)
+    times_transposed(slopes.met[c, 0], 3, seed, start)
+    times_transposed(slopes.met[c, 1], 3, seed, end)
     for i in range(3):
         owed.tool_start[tool, i] -= start[i]
         owed.tool_end[tool, i] -= end[i]
@@ -343,12 +227,12 @@ def begin_forward(model, parameters, dt, count, change, work, slopes):
             _push_contact(c, model, parameters, change, work, slopes)
             if work.side[c] == SWEPT:
                 _push_met(c, model, parameters, dt, change, work, slopes)
-            _spread(c, ACTING, 1.0, slopes.seed[c], model, parameters, work, right)
+            spread(c, ACTING, 1.0, slopes.seed[c], model, parameters, work, right)
             if work.side[c] == EDGED:
-                _acting(c, work, force)
+                acting(c, work, force)
                 for which in range(2):
-                    moved = -_dot(slopes.lean[c, which, POINT], change.tool_end[work.pair[c, 1]])
-                    _spread(c, which, moved, force, model, parameters, work, right)
+                    moved = -dot3(slopes.lean[c, which, POINT], change.tool_end[work.pair[c, 1]])
+                    spread(c, which, moved, force, model, parameters, work, right)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -372,10 +256,10 @@ def finish_forward(model, parameters, dt, count, change, work, slopes):
         if work.state[c] == OPEN:
             continue
         point, tool, seed = work.pair[c, 0], work.pair[c, 1], slopes.seed[c]
-        _collect(c, POINT, w, model, parameters, work, moved)
-        _times(slopes.place[c], 0, moved, force)
-        _add_by_edges(c, w, model, parameters, work, slopes, force)
-        _times(slopes.place[c], 3, moved, anchor)
+        collect(c, POINT, w, model, parameters, work, moved)
+        times(slopes.place[c], 0, moved, force)
+        add_by_edges(c, w, model, parameters, work, slopes, force)
+        times(slopes.place[c], 3, moved, anchor)
         for i in range(3):
             change.force[point, tool, i] = seed[i] + force[i]
             change.anchor[point, tool, i] = seed[3 + i] + anchor[i]
