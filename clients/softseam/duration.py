@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softseam_protocol.scene.bodies import BlockShape, BodySpec, Shape, block_of
+from softseam_protocol.scene.bodies import BlockShape, Shape, block_of
 from softseam_protocol.scene.motion import (
     ClosePhase,
     GripPhase,
@@ -60,7 +60,7 @@ def too_many_steps(scene: Scene) -> str:
 
 def _shape_between(scene: Scene, first: ToolSpec, second: ToolSpec) -> Shape | None:
     """Shape of the body that the two close on; None where it has none, or where it is not known which of several."""
-    shapes = [body.shape if isinstance(body, BodySpec) else None for body in scene.bodies.values()]
+    shapes = [None if (cells := body.in_cells) is None else cells.shape for body in scene.bodies.values()]
     if len(shapes) == 1:
         return shapes[0]
     if isinstance(first, PlaneTool) or isinstance(second, PlaneTool):

@@ -41,25 +41,23 @@ def with_model(scene: Scene, model: Model) -> Scene:
             f"the scene {scene.name!r} has several bodies, each with its own model: say regions.default of each, "
             f"e.g. --set bodies.{next(iter(scene.bodies))}.regions={{default: fem}}"
         )
-    moving = taking("particles")
-    if model not in moving and not scene.body.has_cells:
+    moving, body = taking("particles"), scene.body
+    if model not in moving and not body.has_cells:
         raise BadInput(
-            f"the scene {scene.name!r} has a {scene.body.kind}, which is made of particles: only "
+            f"the scene {scene.name!r} has a {body.kind}, which is made of particles: only "
             f"{' and '.join(moving)} moves it"
         )
     if model == HYBRID:
-        near = scene.regions.near
-        if near is None or near.model == scene.regions.default:
-            return _cut_near_tools(scene)
-        always = near.model_copy(update={"split": "always"})
-        return scene.model_copy(update={"regions": scene.regions.model_copy(update={"near": always})})
+        if not scene.regions.hybrid:
+            return _cut_near_tools(scene, body)
+        return scene.model_copy(update={"regions": scene.regions.always_cut})
     symmetry = scene.symmetry if MODELS[model].one_side else ()
     return scene.model_copy(update={"regions": RegionsSpec(default=model), "symmetry": symmetry})
 
 
-def _cut_near_tools(scene: Scene) -> Scene:
+def _cut_near_tools(scene: Scene, body: AnyBody) -> Scene:
     """FEM within half a cell of tools, PBD elsewhere."""
-    edge = _longest_edge(scene.body)
+    edge = _longest_edge(body)
     if edge is None or not scene.tools:
         what = "its cells' size, which its file tells, is not known here" if scene.tools else "it has no tools"
         raise BadInput(

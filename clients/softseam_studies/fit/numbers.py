@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from softseam.errors import BadInput
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.scene import Scene
 
 _YOUNG, _FRICTION = "young", "friction"
@@ -50,11 +49,13 @@ def numbers_of(scene: Scene, asked: str) -> list[Number]:
 
 
 def _young(scene: Scene) -> Number:
-    if not isinstance(scene.body, BodySpec):
-        raise BadInput(f"--find young: a {scene.body.kind} has no Young's modulus: fit a body of cells")
-    if scene.body.inclusions:
+    spec = scene.body
+    body = spec.in_cells
+    if body is None:
+        raise BadInput(f"--find young: a {spec.kind} has no Young's modulus: fit a body of cells")
+    if body.inclusions:
         raise BadInput("--find young: the body has `inclusions` of other materials, and so no one Young's modulus")
-    young = scene.body.material.young
+    young = body.material.young
     return Number(_YOUNG, "Pa", young, young / _SPAN, young * _SPAN, ("body.material.young",), (1.0, {}))
 
 

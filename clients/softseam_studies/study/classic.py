@@ -37,7 +37,7 @@ OTHER_STEPS = (2.0, 0.5)
 def classic_configurations(frame: Frame) -> list[Configuration]:
     """What a chart tries of classic PBD: nothing where the body is no block of one material, or something counts that
     only cells have."""
-    block, asked = block_of(frame.scene.body), frame.scene.quantities
+    block, asked = block_of(frame.body), frame.scene.quantities
     if block is None or block.body.inclusions or any(block.body.spin):
         return []
     if frame.scene.probes or any(QUANTITIES[name].of == "cells" and QUANTITIES[name].settles for name in asked):

@@ -143,7 +143,7 @@ class Fem:
 
 def configurations(frame: Frame) -> list[Configuration]:
     """The sweep of a scene, cheapest first; cells that two parts of it ask for are taken once."""
-    if frame.scene.body.has_cells:
+    if frame.body.has_cells:
         found = {c.key: c for c in (*_fem(frame), *_xpbd(frame), *_hybrid(frame), *_as_is(frame))}
     else:
         found = {c.key: c for c in (particles(frame, f * frame.scene.step, n) for f in (4, 2, 1) for n in SUBSTEPS)}
@@ -172,7 +172,7 @@ def _folding(
 
 
 def _fem(frame: Frame) -> Iterator[Configuration]:
-    step, body = frame.scene.step, frame.scene.body
+    step, body = frame.scene.step, frame.body
     is_block = block_of(body) is not None and frame.ball is None
 
     def folded(across: int) -> Counts:
@@ -275,14 +275,14 @@ def _xpbd_one(frame: Frame, counts: Counts, step: float, how: str = "") -> Confi
 
 def _hybrid(frame: Frame) -> Iterator[Configuration]:
     """The scene's own regions, narrower, wider, and beside one block a cell, always cut."""
-    near, step = frame.scene.regions.near, frame.scene.step
+    regions, step = frame.scene.regions, frame.scene.step
     frame = replace(frame, follows=False)
-    if near is None or near.model == frame.scene.regions.default:
+    if not regions.hybrid:
         return
     ways: dict[str, tuple[str, ...]] = {"": (), ", one block a cell": ("models.pbd.coarse={beyond: 0}",)}
-    if near.within is not None:
+    if regions.within is not None:
         for reach, told in ((0.5, ", half as wide"), (2.0, ", twice as wide")):
-            ways[told] = (f"regions.near.within={reach * near.within:.9g}",)
+            ways[told] = (f"regions.near.within={reach * regions.within:.9g}",)
     for counts, factors in _cells_and_factors(frame, ((2, (2, 1)), (3, (2, 1)), (4, (2, 1))), (2, 1)):
         for told, region in ways.items():
             for factor in factors if told in ("", ", one block a cell") else (1,):

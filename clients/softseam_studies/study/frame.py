@@ -24,7 +24,7 @@ from softseam_protocol.material_borders import (
     pieces,
     wanted_for,
 )
-from softseam_protocol.scene.bodies import Block, BlockShape, BodySpec, block_of
+from softseam_protocol.scene.bodies import AnyBody, Block, BlockShape, block_of
 from softseam_protocol.scene.motion import ClosePhase, MovePhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import Vector
@@ -92,8 +92,13 @@ class Frame:
         return x, y, z
 
     @property
+    def body(self) -> AnyBody:
+        """The only one of the scene."""
+        return self.scene.body
+
+    @property
     def _block(self) -> Block | None:
-        return block_of(self.scene.body)
+        return block_of(self.body)
 
     @property
     def borders(self) -> tuple[Planes, Planes, Planes]:
@@ -221,7 +226,7 @@ class Frame:
     @property
     def own(self) -> Counts | None:
         """The scene's own cells; None where it leaves them to the solver."""
-        body = self.scene.body
+        body = self.body
         if not body.wanted_edges:
             return None
         counts = self._counts(np.array(body.wanted_edges))
@@ -363,9 +368,10 @@ def frame_of(scene: Scene, name: str | Path | Scene, settings: Sequence[str]) ->
 
     Raises SceneRefused, also for what FEM cannot simulate, and for a mesh that brings its own cells.
     """
-    if not isinstance(scene.body, BodySpec):
+    body = scene.body.in_cells
+    if body is None:
         return Frame(scene, np.ones(3))  # particles have no cells
-    shape = scene.body.shape
+    shape = body.shape
     if isinstance(shape, BlockShape):
         return Frame(scene, np.array(shape.size))
     if shape.cells != "boxes":

@@ -94,7 +94,7 @@ def _found(
 ) -> Plan:
     began += _compiled(wishes)  # apart from the minutes: no run can begin before
     study = study_of(wishes.scene, wishes.settings)
-    is_mesh = study.scene.body.has_cells and block_of(study.scene.body) is None
+    is_mesh = study.frame.body.has_cells and block_of(study.frame.body) is None
     usual = MINUTES_OF_MESH if is_mesh else MINUTES
     minutes = usual if wishes.minutes is None else wishes.minutes
     names = promised(study.scene, study.names(wishes.quantities))

@@ -47,7 +47,7 @@ class Study:
 
     def levels(self, names: tuple[str, ...], *, fresh: bool = False) -> Levels:
         """Of its reference, in these quantities."""
-        kind = Levels if self.scene.body.has_cells else ParticleLevels
+        kind = Levels if self.frame.body.has_cells else ParticleLevels
         found = kind(self.name, self.settings, self.frame, names)
         found.open(self.identity.code, fresh=fresh)
         return found

@@ -92,10 +92,11 @@ def fits(scene: OneBody, kinds: Collection[str]) -> bool:
 
 
 def _check_body(scene: OneBody, kinds: Collection[str]) -> None:
-    if isinstance(scene.body, BodySpec):
-        _check_cells(scene, scene.body, {*kinds} != {"cells"})
+    body = scene.body
+    if body.in_cells is not None:
+        _check_cells(scene, body.in_cells, {*kinds} != {"cells"})
     else:
-        _check_particles(scene, scene.body, "cells" in kinds)
+        _check_particles(scene, body, "cells" in kinds)
 
 
 def check_tools(scene: OneBody, names: tuple[str, ...], *at: str | int, by_name: bool = False) -> None:
@@ -111,14 +112,14 @@ def _symmetry_is_used(scene: OneBody) -> None:
         return
     if len({*scene.symmetry}) < len(scene.symmetry):
         raise wrong("an axis is named twice: name each once", "symmetry")
-    near, fem = scene.regions.near, scene.models.fem
-    if scene.body.tetrahedral:
+    body, fem = scene.body, scene.models.fem
+    if body.tetrahedral:
         raise wrong("tetrahedra of a file are not each other's images: leave it out", "symmetry")
-    if scene.body.uneven_friction is not None:
+    if body.uneven_friction is not None:
         told = "friction varies over both sides as neither's image: leave it out, or `symmetry`"
         raise wrong(told, "body", "friction_field")
     able = that(lambda facts: facts.one_side)
-    if not {scene.regions.default, near.model if near else None} & {*able}:
+    if not {*scene.regions.models} & {*able}:
         only = " and ".join(able)
         raise wrong(f"only {only} solves for one side, and no region is {only}'s: leave it out", "symmetry")
     if fem.element.startswith("tet"):

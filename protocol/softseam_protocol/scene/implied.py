@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from softseam_protocol.models import ModelKind, taking, that
-from softseam_protocol.scene.bodies import AnyBody, BodySpec
+from softseam_protocol.scene.bodies import AnyBody
 from softseam_protocol.scene.models import ModelsSpec
 
 
@@ -14,7 +14,8 @@ def implied_model(body: AnyBody, models: ModelsSpec, symmetry: Sequence[str]) ->
 
     Whoever sets one model's keys alone means that model: with the other they would do nothing.
     """
-    if not isinstance(body, BodySpec):
+    cells = body.in_cells
+    if cells is None:
         return body.usual_model, body.no_cells.removesuffix(", not cells")
     if body.tetrahedral:
         able = taking("tetrahedra")
@@ -22,7 +23,7 @@ def implied_model(body: AnyBody, models: ModelsSpec, symmetry: Sequence[str]) ->
     if symmetry:
         able = that(lambda facts: facts.one_side)
         return able[0], f"only {' and '.join(able)} solves for one side (symmetry)"
-    changed = {name: keys for name, keys in models.changed(body).items() if keys}
+    changed = {name: keys for name, keys in models.changed(cells).items() if keys}
     if len(changed) != 1:
         return None
     ((name, keys),) = changed.items()

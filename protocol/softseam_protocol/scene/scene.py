@@ -10,7 +10,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from softseam_protocol.messages.names import ONLY_BODY, prefix
 from softseam_protocol.quantities import QUANTITIES, QuantityName, probed
-from softseam_protocol.scene.bodies import AnyBody, BodyName, BodySpec
+from softseam_protocol.scene.bodies import AnyBody, BodyName
 from softseam_protocol.scene.consistency import check_body, check_tools
 from softseam_protocol.scene.interfaces import AnyInterface, InterfaceName, check_interface
 from softseam_protocol.scene.models import ModelsSpec
@@ -133,7 +133,7 @@ class Scene(Spec):
 
     def _with_models_of(self, body: AnyBody) -> Scene:
         """The scene as it is for one of its bodies: FEM has the body's own element where none is named."""
-        fem = self.models.fem.of(body) if isinstance(body, BodySpec) else self.models.fem
+        fem = self.models.fem if body.in_cells is None else self.models.fem.of(body.in_cells)
         if fem.element == self.models.fem.element:
             return self
         return self.model_copy(update={"models": self.models.having(fem)})

@@ -53,9 +53,9 @@ def build_body(scene: Scene, files: Mapping[str, bytes]) -> Body:
     ValueError for a body of particles.
     """
     spec = scene.body
-    if not isinstance(spec, BodySpec):
+    if spec.in_cells is None:
         raise ValueError(f"a {spec.kind} has no cells")
-    return build_cells(scene, spec, files)
+    return build_cells(scene, spec.in_cells, files)
 
 
 def build_cells(scene: Scene, spec: BodySpec, files: Mapping[str, bytes]) -> Body:

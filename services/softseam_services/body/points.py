@@ -47,14 +47,14 @@ class Points:
 
     def stand(self, scene: Scene) -> ParticleBody:
         """The body in a scene with that body alone. Raises MeshError where arrays do not fit."""
-        kind, n, x = scene.body.kind, len(self.x_rest), np.ascontiguousarray(self.x_rest, dtype=np.float64)
-        self._check(kind)
+        spec, n, x = scene.body, len(self.x_rest), np.ascontiguousarray(self.x_rest, dtype=np.float64)
+        self._check(spec.kind)
         owner, offset = np.asarray(self.surface.owner, dtype=np.int32), np.asarray(self.surface.offset, dtype=float)
         radius = float(np.linalg.norm(offset, axis=1).max(initial=0.0))
         spacing, reach = _least_distance(x, 2.0 * radius), float(np.ptp(x, axis=0).max())
         none = np.zeros((0, 4), dtype=np.int32)
         return ParticleBody(
-            kind=kind,
+            kind=spec.kind,
             x_rest=x,
             mass=np.asarray(self.mass, dtype=np.float64),
             fixed=np.zeros(n, dtype=np.bool_) if self.fixed is None else np.asarray(self.fixed, dtype=np.bool_),
@@ -73,7 +73,7 @@ class Points:
             radius=radius,
             self_contact=False,
             self_friction=0.0,
-            friction_field=draw_field(scene.body.uneven_friction, x.mean(axis=0)),
+            friction_field=draw_field(spec.uneven_friction, x.mean(axis=0)),
             damping=self.damping,
             restitution=0.0,
             gravity=np.array(scene.gravity),
