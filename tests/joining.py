@@ -35,6 +35,12 @@ class RestSpec(InterfaceSpec):
     kind: Literal["rest"] = "rest"
 
 
+class NearSpec(InterfaceSpec):
+    """As `rest`, of nodes alone that are within a millimetre of the face."""
+
+    kind: Literal["near"] = "near"
+
+
 class Spring:
     """One row of the means of two faces."""
 
@@ -70,16 +76,27 @@ class Rest(Spring):
         return Rows(weights, np.zeros((n_a, 3)), normal=np.tile([0.0, 0.0, 1.0], (n_a, 1)))
 
 
+class Near(Rest):
+    """Its rows come and go."""
+
+    def rows(self, x: tuple[Floats, Floats], dt: float) -> Rows:
+        every = super().rows(x, dt)
+        above = x[0][:, 2] - x[1][:, 2].mean()
+        near = np.flatnonzero(above < 1e-3)
+        weights = every.weights[0][near], every.weights[1][near]
+        return Rows(weights, every.offset[near], normal=every.normal[near], ids=10 + 7 * near)
+
+
 def add() -> None:
     """Add the rows to the tables."""
-    for name, spec, kind in (("spring", SpringSpec, Spring), ("rest", RestSpec, Rest)):
+    for name, spec, kind in (("spring", SpringSpec, Spring), ("rest", RestSpec, Rest), ("near", NearSpec, Near)):
         INTERFACES.add(name, spec)
         KINDS.add(name, kind)
 
 
 def remove() -> None:
     """Take them out again."""
-    for name in ("spring", "rest"):
+    for name in ("spring", "rest", "near"):
         INTERFACES.remove(name)
         KINDS.remove(name)
 

@@ -47,6 +47,8 @@ class Interface:
     """C of each row (c,) [m/N]; empty: none"""
     normal: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     """unit vectors from b to a of rows that press (c, 3) [1], zero of those that hold; empty: all hold"""
+    ids: NDArray[np.int64] | None = None
+    """names of rows that come and go, each once (c,); None: rows are as many in every step"""
 
     @property
     def n_rows(self) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -89,6 +91,13 @@ class Prediction:
             self._weighed = dt, _EVENLY if even else _all_weights(-before, dt, self._n)
         return self._weighed[1]
 
+    def follow(self, places: NDArray[np.int64]) -> None:
+        """Vectors are others from now on: each is what was at its place (c,), or nothing where that is -1."""
+        known = places >= 0
+        kept = np.zeros((N_KEPT, len(places), 3))
+        kept[:, known] = self._kept[:, places[known]]
+        self._kept = kept
+
     def save(self) -> tuple[Floats, Floats, Floats, int]:
         """What of it evolves, for `restore`."""
         return self._kept.copy(), self._times.copy(), self._errors.copy(), self._n
@@ -103,7 +112,7 @@ class Prediction:
         numbers = np.concatenate([self._times, self._errors, [float(self._n)]])
         return {"kept": self._kept.copy(), "numbers": numbers}
 
-    def take(self, arrays: dict[str, Floats]) -> None:
+    def take(self, arrays: Mapping[str, Floats]) -> None:
         """Continue from `to_arrays`. Raises KeyError or ValueError where these are of others."""
         self._kept[:] = arrays["kept"]
         numbers = arrays["numbers"]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+Ids = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Pair = tuple[Floats, Floats]
 """of the nodes of the first body and of the second (n_a, 3), (n_b, 3)"""
@@ -48,10 +49,14 @@ class Rows:
     """C of each row (c,) [m/N]; empty: none"""
     normal: Floats = field(default_factory=lambda: _NO_ROWS)
     """unit vectors from the second body to the first (c, 3) [1], zero of rows that hold; empty: all hold"""
+    ids: Ids | None = None
+    """names of rows that come and go, each once in a step, 0 and more (c,): a row's multiplier is predicted by what it
+    was under its id; None: rows are as many in every step"""
 
 
 class Kind(Protocol):
-    """One interface, for one run. Its rows are as many in every step. Built from its specification and both bodies."""
+    """One interface, for one run. Built from its specification and both bodies. Rows with ids may be others in each
+    step, or none."""
 
     nodes: tuple[Ints, Ints]
     """the nodes of each body that it acts on, ascending, none of them clamped (n_a,), (n_b,)"""
@@ -60,7 +65,7 @@ class Kind(Protocol):
         """The rows of a step of dt [s] that begins with the nodes at x [m]; asked again where it is taken again."""
 
     def commit(self, x: Pair, multipliers: Floats, dt: float) -> None:
-        """The step came to x [m] under these multipliers (c, 3) [N]."""
+        """The step came to x [m] under these multipliers (c, 3) [N] of the rows that it made last."""
 
     def save(self) -> dict[str, Floats]:
         """Everything that evolves, for a snapshot."""

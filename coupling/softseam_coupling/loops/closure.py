@@ -53,7 +53,10 @@ class Closure:
 
     def renew(self, offset: Floats, compliance: Floats, normal: Floats) -> None:
         """The rows of a step begin: this is their offset, and their compliance; the parts may have other weights."""
-        changed = self._flat.renew(self._parts)
+        if len(offset) != len(self._offset):
+            self._flat, changed = _Flat(self._parts), True
+        else:
+            changed = self._flat.renew(self._parts)
         if changed or not np.array_equal(compliance, self._compliance):
             self._inverse = None
         self._offset, self._compliance = offset, compliance
@@ -138,6 +141,9 @@ class Closure:
         acted  force that acted on them (n, 3) [N]
         first  multipliers from which the solve begins (c, 3) [N]
         """
+        if not len(gap):
+            pushes = {name: -force for name, force in acted.items()}
+            return gap, pushes, {name: self._parts[name].move(push) for name, push in pushes.items()}
         if self._unilateral is not None:
             return self._press(self._unilateral, gap, acted)
         if self._inverse is None:

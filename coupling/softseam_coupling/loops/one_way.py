@@ -42,6 +42,7 @@ from softseam_coupling.loops.loop import (
     ask_compliance_of,
     largest,
 )
+from softseam_coupling.multipliers import Multipliers
 from softseam_coupling.prediction import Prediction
 from softseam_protocol.messages.outcomes import Status
 from softseam_protocol.messages.participant import Advanced, Capabilities
@@ -109,8 +110,7 @@ class OneWay:
         self._closure = Closure(self._parts, offset, compliance_of(setup.interfaces), normal_of(setup.interfaces))
         self._capabilities: Mapping[str, Capabilities] = {}
         self._linearity = {name: _Linearity() for name in self._parts}
-        first = np.zeros((len(offset), 3)) if setup.first is None else setup.first
-        self._multipliers = Prediction(len(offset), first)
+        self._multipliers = Multipliers(setup.interfaces, setup.first)
         self._impedance_part: str | None = None  # that is solved with the others behind it
         self._target = Prediction(0)  # where these are expected, on its nodes
         self._impedance = _NONE  # of the others, as it is to have it
@@ -137,10 +137,11 @@ class OneWay:
         return self._multipliers.last
 
     def renew(self, interfaces: tuple[Interface, ...]) -> None:
-        """These rows hold in the step to come: as many as before, of the same parts and nodes."""
+        """These rows hold in the step to come, of the same parts and nodes."""
         parts, offset = parts_of(interfaces, {name: part.rows.shape[1] for name, part in self._parts.items()})
         for name, part in parts.items():
             self._parts[name].rows, self._parts[name].sign = part.rows, part.sign
+        self._multipliers.renew(interfaces)
         self._closure.renew(offset, compliance_of(interfaces), normal_of(interfaces))
 
     def solve(self, ask: Ask, correct: Correct, dt: float, may_refuse: bool = False) -> Outcome:
@@ -250,7 +251,7 @@ class OneWay:
         """Continue from `to_arrays`. Raises KeyError or ValueError where these are of others."""
         self._target = Prediction(arrays["target_kept"].shape[1])
         for prefix, prediction in (("multipliers_", self._multipliers), ("target_", self._target)):
-            prediction.take({key: arrays[prefix + key] for key in ("kept", "numbers")})
+            prediction.take({key.removeprefix(prefix): each for key, each in arrays.items() if key.startswith(prefix)})
         self._impedance, self._dt = np.array(arrays["impedance"]), float(arrays["dt"][0])
         for name in self._parts:
             self._linearity[name] = _Linearity.of(arrays[f"linearity_{name}"])

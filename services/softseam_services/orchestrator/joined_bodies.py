@@ -162,7 +162,9 @@ class JoinedBodies:
             rows = between.kind.rows(self._of(between), dt)
             parts = self._part(between.bodies[0]), self._part(between.bodies[1])
             a, b = (self._places(body, nodes) for body, nodes in _sides(between))
-            found.append(Interface(name, parts, (a, b), rows.weights, rows.offset, rows.compliance, rows.normal))
+            found.append(
+                Interface(name, parts, (a, b), rows.weights, rows.offset, rows.compliance, rows.normal, rows.ids)
+            )
         return tuple(found)
 
     # ---- one step
