@@ -1,7 +1,5 @@
 """What runs a session's simulation: this process, or an orchestrator on the bus."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol

@@ -1,7 +1,5 @@
 """The bar that shows on a terminal how a run or a chart gets on."""
 
-from __future__ import annotations
-
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
 

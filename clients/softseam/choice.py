@@ -1,7 +1,5 @@
 """Which model has which cells as a run begins, and why, in a line."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 from softseam.observation import Observation

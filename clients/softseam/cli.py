@@ -1,7 +1,5 @@
 """The command line. Every command says what it did; an error is one message, and exit code 1 or 2."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

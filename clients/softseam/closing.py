@@ -1,7 +1,5 @@
 """The table at the end of a run: what came out, how far it can be trusted, and where the time went."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

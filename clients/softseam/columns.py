@@ -1,7 +1,5 @@
 """A run's step reports as columns of numbers: what the report, the curves and the pictures are made of."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How hard a run's XPBD is to sweep: condition numbers at its start and at its end, for people and reports."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

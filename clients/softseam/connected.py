@@ -1,7 +1,5 @@
 """The simulation behind a bus: an orchestrator serves the session, participants and recorder run elsewhere."""
 
-from __future__ import annotations
-
 import secrets
 import time
 from collections.abc import Mapping, Sequence

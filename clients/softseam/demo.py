@@ -1,7 +1,5 @@
 """`softseam demo`: a scene through real processes on a bus, and everything that a run can leave behind."""
 
-from __future__ import annotations
-
 import shutil
 import socket
 import tempfile

@@ -1,7 +1,5 @@
 """How long a scene's motion will take, foreseen for a progress bar."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.scene.bodies import BlockShape, Shape, block_of

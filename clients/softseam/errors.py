@@ -4,8 +4,6 @@
 goes on as if the call had not been made.
 """
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 

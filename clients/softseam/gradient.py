@@ -1,7 +1,5 @@
 """Gradients of a loss by what a run depends on: names of inputs, and what comes back."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

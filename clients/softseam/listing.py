@@ -1,7 +1,5 @@
 """What the tables hold, for people: the rows that a scene may name."""
 
-from __future__ import annotations
-
 from rich.table import Table
 
 from softseam_protocol.quantities import QUANTITIES

@@ -8,8 +8,6 @@ A loss is any function `loss(run: Run) -> tuple[float, Slope]`; those here cover
 >>> loss = total(push, rise)
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The norm of a curve over time, and the norms that count as zero: |J|^2 = (1/T) int_0^T J(t)^2 dt."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """What a scene asks for and its run did not do: what the services told of that, and tools that took hold of nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 import numpy as np

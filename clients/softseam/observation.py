@@ -1,7 +1,5 @@
 """What a client sees after a step: one frozen, typed value."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """What in a scene's motion is likely a mistake: another unit than meant, or an end that may not come."""
 
-from __future__ import annotations
-
 import math
 
 from softseam.duration import expected_duration

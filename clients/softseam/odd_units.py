@@ -1,8 +1,6 @@
 """What in a scene is likely in another unit than meant: gravity, speeds, friction, turns, masses, tools far larger or
 farther than the body; and gravity along another axis than planes stand against."""
 
-from __future__ import annotations
-
 import math
 
 from softseam_protocol.scene.motion import HoldPhase

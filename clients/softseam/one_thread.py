@@ -1,7 +1,5 @@
 """A session is for one thread at a time: a second one is told so before its requests mix with the first one's."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import wraps
 from typing import Any, TypeVar, cast

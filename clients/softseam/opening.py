@@ -1,7 +1,5 @@
 """Opens a session; a scene that asks for a tolerance is planned first."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 """Files that a command is to leave behind: refused before it begins where they would take another file's place, or
 cannot be written."""
 
-from __future__ import annotations
-
 import os
 import stat
 from collections.abc import Mapping, Sequence

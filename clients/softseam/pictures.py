@@ -1,7 +1,5 @@
 """Pictures of a run for people who have only the files: snapshots, curves, and where the time went."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from softseam.recording import Recording

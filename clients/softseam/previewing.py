@@ -1,7 +1,5 @@
 """A picture of a scene before it is simulated."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from softseam.embedded import translated

@@ -5,8 +5,6 @@ damaged anywhere yields all that is whole, before and behind, and a sentence for
 parser.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 import zlib

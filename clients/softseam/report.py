@@ -7,8 +7,6 @@
 'N'
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping

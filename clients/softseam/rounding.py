@@ -4,8 +4,6 @@ A solid of Young's modulus E and extent L that strains by e moves by e L, bears 
 stores e^2 E L^3. No weight and no tool strains a body by less than 1e-9: what is smaller than that makes is rounding.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

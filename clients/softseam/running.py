@@ -1,7 +1,5 @@
 """`softseam run`: one scene from its file to a report, a recording and pictures."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Scenes to open: files, the ones that come with softseam, and scenes made in code."""
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Sequence

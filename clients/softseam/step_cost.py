@@ -1,7 +1,5 @@
 """What a step of FEM or of XPBD takes, roughly, by its cells: enough to put runs in order before any was made."""
 
-from __future__ import annotations
-
 
 def fem_step(n_cells: float) -> float:
     """Rough wall time of a step of FEM [s]."""

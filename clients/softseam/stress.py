@@ -1,7 +1,5 @@
 """Invariants of Cauchy stress, ordered xx yy zz yz xz xy."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """What `symmetry` of a scene means for its figures, in words."""
 
-from __future__ import annotations
-
 from softseam_protocol.scene.scene import Scene
 
 PARTS = ("all", "a half", "a quarter", "an eighth")

@@ -1,7 +1,5 @@
 """What `friction_field` of a scene's bodies means, in words."""
 
-from __future__ import annotations
-
 from softseam_protocol.scene.friction_field import FrictionFieldSpec
 from softseam_protocol.scene.scene import Scene
 

@@ -1,7 +1,5 @@
 """The same scene simulated otherwise: with one model alone, or with settings changed from the command line."""
 
-from __future__ import annotations
-
 import difflib
 import json
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """What became of the body, in a word and a sentence."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The commands of the command line that fit: `softseam fit`, `softseam surrogate`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`softseam import`, as typed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

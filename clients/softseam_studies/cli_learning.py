@@ -1,7 +1,5 @@
 """Commands of the command line that learn: `softseam train` and `softseam evaluate`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Commands of the command line that study a scene, or softseam itself: chart, plan, calibrate and atlas."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from time import perf_counter

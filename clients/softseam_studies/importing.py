@@ -4,8 +4,6 @@ A template says how to solve and nothing of what: body, tools and motion of the 
 is checked as the scene's key that it becomes; what has no equal is told line by line.
 """
 
-from __future__ import annotations
-
 import difflib
 import json
 import re

@@ -17,8 +17,6 @@ corrected nodes, with r = x - c, into
 The corrected nodes are the merged ones; all free nodes where those lie on a line or a point, so that (3) is singular.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -17,8 +17,6 @@ The kinds of interface differ in the rows that they make, and in nothing else:
 one file each in `interfaces/`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

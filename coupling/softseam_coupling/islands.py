@@ -4,8 +4,6 @@ An island sleeps while the rule that its scene names lets it and nothing gives a
 it is, with the forces that hold it there, and is asked for nothing.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass

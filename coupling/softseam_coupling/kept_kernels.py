@@ -8,8 +8,6 @@ An entry carries its own key and is written before the index that names it. So w
 name, or another process wrote there at the same time for other types, is not taken for it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import logging

@@ -20,8 +20,6 @@ tied one by one, and the multipliers psi of the others span what is constant on 
 with the k other nodes i of a face and its nodes b at turns, as Bernardi, Maday and Patera lower theirs at cross points.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache

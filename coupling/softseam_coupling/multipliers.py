@@ -3,8 +3,6 @@
 A row's name is the number of its interface and its id there. Rows that were not there before begin with nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

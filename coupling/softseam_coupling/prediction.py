@@ -1,7 +1,5 @@
 """What the step to come will ask for, from what the last steps came to: a polynomial in time that fits."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

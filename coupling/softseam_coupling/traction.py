@@ -9,8 +9,6 @@ Displacements are tied and forces balanced by the multipliers whatever the jump;
 follow the stress there.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Every error that crosses the protocol: what the bytes, the bus and the other side can do wrong."""
 
-from __future__ import annotations
-
 from softseam_protocol.messages.participant import Failure
 
 

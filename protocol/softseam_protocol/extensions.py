@@ -5,8 +5,6 @@ all that it takes. Services are processes of their own: they import the modules 
 separated by commas, before they read their first scene.
 """
 
-from __future__ import annotations
-
 import os
 from importlib import import_module
 

@@ -1,7 +1,5 @@
 """What a recording or a report says about where it came from."""
 
-from __future__ import annotations
-
 import os
 import platform
 from importlib.metadata import PackageNotFoundError, version

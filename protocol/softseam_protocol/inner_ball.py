@@ -5,8 +5,6 @@ lattice of these planes. In it a cube in the ball takes up the box's own cells, 
 faces and the ball's surface, and between that and the six faces of the box.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ A border of two materials through a cell is a kink in what the cell takes for sm
 planes; continued through the block, these cut it into pieces along each axis, each of a whole number of cells.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

@@ -4,8 +4,6 @@ A model from outside is a row here, and, where softseam's own services are to ru
 (softseam_services.solvers). No line elsewhere asks for a model by its name.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Which of a body's own axes is called x, y and z: each the one next to the scene's."""
 
-from __future__ import annotations
-
 from itertools import permutations
 
 import numpy as np

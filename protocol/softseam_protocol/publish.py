@@ -3,8 +3,6 @@
 python -m softseam_protocol.publish        writes them, run from the repository's root
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Services measure them (`softseam_services.orchestrator.quantities`): each row he
 a simulation starts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Literal

@@ -4,8 +4,6 @@ A table is an extension point. What softseam brings is in it from the start; an 
 outside, before the first scene is read. `softseam_protocol.extensions` says how services learn of one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from typing import Generic, TypeVar

@@ -4,8 +4,6 @@ A tool looks at the block along the one axis that keeps them apart at time 0, an
 axis. It presses the face there, and the four sides of its own face, continued through the block, are planes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -14,8 +14,6 @@ A `service` is the name of a process (`fem`, `pbd`, `fem2`); the part that a req
 header.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """python -m softseam_services: serve one service, run all of them, warm kernels, ask for their health."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

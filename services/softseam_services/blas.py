@@ -4,8 +4,6 @@ With several, OpenBLAS splits a factorisation by the number of cores, so the las
 machine; and the models already run side by side. Fronts and seams are small: more threads gain nothing.
 """
 
-from __future__ import annotations
-
 import ctypes
 import importlib.util
 from pathlib import Path

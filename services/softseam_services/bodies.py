@@ -4,8 +4,6 @@ A row takes a body's specification and the files of its scene, by the paths that
 stand in that scene. `Points` do; so does whatever else has `stand`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol

@@ -1,7 +1,5 @@
 """One service as a child process: its pipes, what it says on them, how long it has been silent, and how it ended."""
 
-from __future__ import annotations
-
 import json
 import os
 import selectors

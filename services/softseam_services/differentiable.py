@@ -1,7 +1,5 @@
 """What a solver offers whose steps can be differentiated, so that who asks for gradients knows no solver."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 

@@ -1,7 +1,5 @@
 """What has the solvers of a process return at their next iteration, with a step that they did not solve."""
 
-from __future__ import annotations
-
 import threading
 
 import numpy as np

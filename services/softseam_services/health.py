@@ -1,7 +1,5 @@
 """Which services are up: what their liveliness tokens and heartbeats say."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ not, has changed. And services that start together would each compile the kernel
 others wait for it.
 """
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import fcntl

@@ -3,8 +3,6 @@
 One thread owns the solvers; zenoh's threads only enqueue. The kernels are warm before the service shows itself.
 """
 
-from __future__ import annotations
-
 from softseam_protocol.participant.handler import ParticipantHandler
 from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline

@@ -1,7 +1,5 @@
 """A service's heartbeat on the bus."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from softseam_protocol.bus.client import Bus

@@ -1,7 +1,5 @@
 """What makes a request impossible to serve: the same words from every participant, before a kernel reads it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The router's process: every other process connects to it."""
 
-from __future__ import annotations
-
 from softseam_protocol.bus.client import Router
 from softseam_services.lifeline import Lifeline
 

@@ -3,8 +3,6 @@
 The order of requests is the protocol's (`softseam_protocol.participant.requests`).
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What softseam's services know of a solver: how it builds a part, and what a step of one is expected to cost."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING

@@ -1,7 +1,5 @@
 """Solvers that softseam's services run: one row a model that no service from outside takes (`tables.check_tables`)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeVar
 

@@ -4,8 +4,6 @@ The protocol has tables of what a scene can say, the services tables of what doe
 the other hears of it when a service starts or a session opens in this process, not in the middle of a step.
 """
 
-from __future__ import annotations
-
 from softseam_coupling import ladder
 from softseam_coupling.interfaces import KINDS
 from softseam_coupling.loops import LOOPS

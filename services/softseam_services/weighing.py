@@ -1,7 +1,5 @@
 """What solvers offer by which the error of one number, the goal, is weighed, so that who weighs it knows no solver."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 from softseam_protocol.messages.participant import BodyState

@@ -1,7 +1,5 @@
 """What is read off a curve: its value at the end, its peak, its mean; each is claimed by itself."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

@@ -4,8 +4,6 @@ A session that is stepped by hand has no sibling beside it. Its claims come of b
 repeated bit for bit, and costs what it took; the sibling a part of that.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

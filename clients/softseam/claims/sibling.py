@@ -12,8 +12,6 @@ A body with one cell along each axis has no longer ones: its sibling has cells a
 Runs by XPBD, or by both models, have a sibling of FEM alone, so that the model's error is in the difference, too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

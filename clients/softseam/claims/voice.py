@@ -1,7 +1,5 @@
 """What a run says of its errors in a sentence and in its event, by the claims that its table shows."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

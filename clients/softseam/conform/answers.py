@@ -1,7 +1,5 @@
 """What a part tells of how it yields, and steps that are corrected by it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam.conform.examined_part import ExaminedPart, Floats, Service, expect, near, some_force

@@ -1,7 +1,5 @@
 """`softseam conform`: runs the checks against a participant, shows how it gets on, and a table."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

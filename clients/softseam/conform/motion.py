@@ -1,7 +1,5 @@
 """What any solid does, whatever its law: momentum, energy, rigid motions, a uniform stress."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam.conform.examined_part import (

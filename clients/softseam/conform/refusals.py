@@ -1,7 +1,5 @@
 """Bad requests are answered by a typed Failure that names the remedy, and change nothing."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Requests that come again, are taken back, committed, saved and forgotten."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

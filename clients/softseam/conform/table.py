@@ -1,7 +1,5 @@
 """Every check of the kit by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal

@@ -3,8 +3,6 @@
 python -m softseam.examples.compare_models
 """
 
-from __future__ import annotations
-
 from time import perf_counter
 
 import softseam

@@ -6,8 +6,6 @@ pieces of tofu are alike, and what is found must lift all of them: too gentle a 
 python -m softseam.examples.learn_grip
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -6,8 +6,6 @@ RLlib wants one release of Gymnasium and brings much else, so it goes into an en
     python -m softseam.examples.rllib_lift [ITERATIONS [PIECES]]
 """
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 

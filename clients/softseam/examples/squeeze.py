@@ -3,8 +3,6 @@
 python -m softseam.examples.squeeze
 """
 
-from __future__ import annotations
-
 import softseam
 
 

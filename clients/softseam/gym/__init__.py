@@ -6,8 +6,6 @@
 >>> seen, reward, terminated, truncated, info = env.step([0.4, 0.0])   # close at 2 cm/s
 """
 
-from __future__ import annotations
-
 from typing import NoReturn
 
 from softseam.errors import missing_extra

@@ -4,8 +4,6 @@
 >>> envs = gymnasium.make_vec("softseam.gym:softseam/TofuLift-v0", num_envs=1024)
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

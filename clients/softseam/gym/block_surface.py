@@ -1,7 +1,5 @@
 """The surface of a piece that is made of blocks, for pictures."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

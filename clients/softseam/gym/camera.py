@@ -1,7 +1,5 @@
 """What a depth camera sees of an environment, beside what its agent sees: a depth and a label for each pixel."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium

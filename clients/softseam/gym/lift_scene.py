@@ -1,7 +1,5 @@
 """Scenes of lifts: what a body is lifted by, and how; of TofuLift, a piece of tofu, for each of the two models."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from softseam.gym.task_env import ACT

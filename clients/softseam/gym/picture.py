@@ -1,7 +1,5 @@
 """An environment as people see it: its bodies and tools, drawn from the same place throughout an episode."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Points of the body's surface beside what is seen, as a depth camera and a mask would show them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium

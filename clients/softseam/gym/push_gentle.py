@@ -1,7 +1,5 @@
 """A finger pushes a soft piece over a table to a target, and presses it no more than that needs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A scene as an environment: actions move its tools, and what its client observes is seen."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Ways of showing an environment, as Gymnasium names them: pictures as arrays, or a window on the display."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Many pieces at once as people see them, and how they are copied: what `BatchEnv` has beside its episodes."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """The lift of any shape: a mesh of your own, or the body of a scene."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A scene with a task: terms are rewarded, and an episode ends with a word."""
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence

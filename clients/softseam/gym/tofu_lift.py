@@ -1,7 +1,5 @@
 """The reference job: lift a block of tofu, however soft it may be, and press it no more than that needs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

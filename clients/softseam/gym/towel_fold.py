@@ -1,7 +1,5 @@
 """Two grippers fold a cloth edge to edge."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A recording -> a rerun stream: world, curves, words and layout."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import rerun as rr

@@ -1,7 +1,5 @@
 """The words of a replay: summary, colour scale, events."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """How a replay is laid out: what a viewer shows before anybody touches it."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 
 import numpy as np

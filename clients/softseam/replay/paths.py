@@ -1,7 +1,5 @@
 """Entity paths of a replay, in one place."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 WORLD = "/world"

@@ -1,7 +1,5 @@
 """Pictures of the viewer itself, without a display: what a person would see."""
 
-from __future__ import annotations
-
 import subprocess
 import time
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Shows a recording: into a file, a window or a browser."""
 
-from __future__ import annotations
-
 import os
 import socket
 import tempfile

@@ -1,7 +1,5 @@
 """Simulates a recording again and compares bit for bit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Rerun's viewer as a process: without its usage reporting, and ended with the one that started it."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

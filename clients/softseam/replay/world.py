@@ -1,7 +1,5 @@
 """The 3D part of a replay: bodies, stress, tools, forces, frame by frame."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

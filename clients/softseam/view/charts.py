@@ -1,7 +1,5 @@
 """Curves of a run, and where its wall time went."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

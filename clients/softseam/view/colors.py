@@ -1,7 +1,5 @@
 """Colours: one palette for replays and pictures, and a perceptual scale for stress."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

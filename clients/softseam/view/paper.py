@@ -1,7 +1,5 @@
 """The look that all pictures share."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

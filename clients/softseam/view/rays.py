@@ -1,7 +1,5 @@
 """Depth and labels of a picture: one ray a pixel, cast onto triangles by Embree; needs no display."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

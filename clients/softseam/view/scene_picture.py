@@ -1,7 +1,5 @@
 """A scene before it is simulated: bodies and tools from four sides, ways of tools, and the faces that will touch."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

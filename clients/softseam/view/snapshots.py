@@ -1,7 +1,5 @@
 """The body at a few moments of a run: which model computes what, how it is stressed, and how far off it may be."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -3,8 +3,6 @@
 Notation: P surface points, V display vertices (points, split where the surface has an edge), T triangles, C cells.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Rigid tools as triangle meshes in their own frames, and poses applied to them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

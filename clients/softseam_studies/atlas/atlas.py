@@ -1,7 +1,5 @@
 """The maps by name, and their runs: kept as soon as they are done, so that a broken-off atlas goes on."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

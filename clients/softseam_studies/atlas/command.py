@@ -1,7 +1,5 @@
 """`softseam atlas`: run the maps, draw them, and say what was found."""
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """What is done wrong in each of the textbook's pitfalls, beside what is done here: figures of both, all measured."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 

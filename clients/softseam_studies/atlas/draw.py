@@ -1,7 +1,5 @@
 """Maps as pictures: a square a run, coloured by what became of it, its error inside."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path

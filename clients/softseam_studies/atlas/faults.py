@@ -1,7 +1,5 @@
 """Messages between orchestrator and participants that are repeated, lost, late, or sent to someone who has died."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A hundred thousand steps of a grasp that is held, with each model: does anything drift, or end as not a number?"""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter, process_time

@@ -1,7 +1,5 @@
 """Colours of the atlas: a kind is told by colour and by letter, so that it is read without colours too."""
 
-from __future__ import annotations
-
 from softseam_studies.atlas.verdicts import Kind
 
 TONES: dict[Kind, str] = {

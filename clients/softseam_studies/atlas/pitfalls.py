@@ -1,7 +1,5 @@
 """The textbook's pitfalls, each with a control that is seen to fail and the remedy that holds, both measured."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any

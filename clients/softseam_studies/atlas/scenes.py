@@ -1,7 +1,5 @@
 """The atlas's scenes: a small block between smooth plates, whose force has a closed form, and its relatives."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The atlas as a table: one row a run."""
 
-from __future__ import annotations
-
 import csv
 import os
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """One short run through the product, and everything that it says about itself."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

@@ -11,8 +11,6 @@ A learned policy must lift pieces that it has not seen: on this one it cannot be
 python -m softseam_studies.examples.gentlest_lift [FOLDER OF A POLICY]
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`softseam fit`: numbers of a scene from measured forces, how sure they are, and the scene that has them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

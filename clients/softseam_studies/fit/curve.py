@@ -1,7 +1,5 @@
 """Measured force curves: a file of columns, and how a run is read off at its times."""
 
-from __future__ import annotations
-
 import csv
 import difflib
 from collections.abc import Sequence

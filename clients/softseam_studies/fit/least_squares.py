@@ -6,8 +6,6 @@ s^2 = r . r/(m - n) of m measurements and n numbers that are found (Nocedal and 
 chapter 10).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

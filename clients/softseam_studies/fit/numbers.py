@@ -1,7 +1,5 @@
 """What can be found: numbers of a scene, where they begin, and the settings that they become."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

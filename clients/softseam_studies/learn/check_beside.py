@@ -3,8 +3,6 @@
 It ends as its input does, so that it ends with the one that started it, whatever ends that.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """From coarse to fine: the stages of a training, and when it goes on from one to the next."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,7 +1,5 @@
 """A policy on disk: what stable-baselines3 saves, and beside it what it is a policy of and how it was learned."""
 
-from __future__ import annotations
-
 import json
 import zipfile
 from dataclasses import asdict, dataclass, field, replace

@@ -1,7 +1,5 @@
 """Fixed rules that policies are measured against: actions from what is seen, or from `info`, which no policy sees."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

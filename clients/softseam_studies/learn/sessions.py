@@ -1,7 +1,5 @@
 """Environments of one task, each with a session of its own, in a process a processor that has its share of them."""
 
-from __future__ import annotations
-
 import multiprocessing
 import signal
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """What can be learned at the command line: a row a task."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple

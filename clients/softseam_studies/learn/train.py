@@ -1,7 +1,5 @@
 """`softseam train`: learn a task with stable-baselines3, and leave the policy, how it was learned, and the curve."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections import deque

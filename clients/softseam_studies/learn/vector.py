@@ -1,7 +1,5 @@
 """Many environments of Gymnasium as stable-baselines3 takes them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

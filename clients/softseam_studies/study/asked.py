@@ -1,7 +1,5 @@
 """What a scene's `tolerance` asks of whoever opens or runs it: a session, or settings, of a plan."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from pathlib import Path

@@ -5,8 +5,6 @@ belongs to a scene by its hash (`Levels.key`): of body, tools, motion and step, 
 quantities are asked for. Of a scene whose body, motion or probes were changed there is none.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

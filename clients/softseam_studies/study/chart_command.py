@@ -1,7 +1,5 @@
 """`softseam chart`: from a scene to a picture, a page, and tables of accuracy against speed."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -14,8 +14,6 @@ and k = 1 is all that there is where that is more. On tofu_grasp k was best with
 of the quantities, of 2 to 6 cubes and 20 to 80 iterations (of 1, 0.8, 0.6, 0.5, 0.4, 0.3, 0.2 and 0.1).
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from itertools import product

@@ -3,8 +3,6 @@
 Marks of the front have numbers and others' marks have letters, which a list beside the axes explains.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from textwrap import fill

@@ -6,8 +6,6 @@ Slip is measured by how far the tools have travelled instead: a good grip slips 
 of that would say nothing, whereas 1 mm of slip on a way of 5 cm is an error of 2 %.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What configurations of a scene are made from: the scene, the extent of its body, and cells that fit both."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Marks that were not measured here: the table that the project was asked to beat, and rivals from a file."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

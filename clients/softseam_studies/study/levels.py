@@ -4,8 +4,6 @@ Each is stored as soon as it is done: an interrupted reference goes on where it 
 refines what is there.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Callable, Sequence

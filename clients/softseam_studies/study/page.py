@@ -1,7 +1,5 @@
 """The chart as one HTML file: no network, no script; pointing at a mark tells what it is, and a table has every run."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Iterator, Mapping
 from pathlib import Path

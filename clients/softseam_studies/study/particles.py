@@ -3,8 +3,6 @@
 How many particles there are is the body's own, as a weave is a cloth's: a reference is the limit in time alone.
 """
 
-from __future__ import annotations
-
 from softseam_studies.study.configurations import Configuration, particles
 from softseam_studies.study.levels import Levels
 

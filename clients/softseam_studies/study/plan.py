@@ -1,7 +1,5 @@
 """A plan: what it has to reach, what was chosen and from what, as it is stored."""
 
-from __future__ import annotations
-
 from pydantic import BaseModel, ConfigDict
 
 from softseam_studies.study.measure import Status

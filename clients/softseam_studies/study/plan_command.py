@@ -1,7 +1,5 @@
 """`softseam plan`, and what a scene's `tolerance` asks for: find a plan, or read one that was found before."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass

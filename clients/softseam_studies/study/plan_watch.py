@@ -9,8 +9,6 @@ Where that is more than the tolerance, the fastest run is chosen whose e + (r - 
 a / a_0 of the plan's run: few cells see less of what another motion does. Most runs were made before.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -8,8 +8,6 @@ sqrt(e^2 + u^2). To be sure of that may cost `CERTAIN` times what the fastest ru
 where it would cost more, that one is chosen, and the plan says so.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 

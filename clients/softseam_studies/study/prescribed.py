@@ -1,7 +1,5 @@
 """What a scene's motion prescribes: every run has it, however wrong it is in all else, so no plan promises it."""
 
-from __future__ import annotations
-
 from softseam_protocol.scene.motion import ClosePhase, MovePhase
 from softseam_protocol.scene.scene import Scene
 

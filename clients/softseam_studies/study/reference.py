@@ -7,8 +7,6 @@ What cells and steps leave adds up,
 and so does what either limit may be off by (richardson.py).
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any

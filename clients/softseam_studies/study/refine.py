@@ -3,8 +3,6 @@
 Refined until both are fine enough, or the next level would not end within the budget.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

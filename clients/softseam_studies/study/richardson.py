@@ -17,8 +17,6 @@ Changes tell them apart: what scatters turns back, d2 . d1 <= 0, and in a norm o
     d2 . d1 <= 0   where   |d1 + d2| <= |d2 - d1|                                          (3)
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise

@@ -1,7 +1,5 @@
 """Files that hold finished work: written all or nothing, and refused by name where they are not what they should be."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

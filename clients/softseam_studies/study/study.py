@@ -1,7 +1,5 @@
 """A scene whose configurations are run, each once, and compared with its reference."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

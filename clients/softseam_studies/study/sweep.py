@@ -1,7 +1,5 @@
 """Runs one configuration after another, cheapest first, or several at a time; each is stored as soon as it is done."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 

@@ -1,7 +1,5 @@
 """The chart's rows: every configuration with its speed, its errors, and what else there is to say."""
 
-from __future__ import annotations
-
 import csv
 import io
 import statistics

@@ -1,7 +1,5 @@
 """Who runs the configurations of a sweep: this process, processes side by side, or a Ray cluster."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import threading

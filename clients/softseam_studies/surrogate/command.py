@@ -1,7 +1,5 @@
 """`softseam surrogate`: runs a scene many times, and leaves a file that answers for all that lies between."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Fit polynomials to curves of quantities over squeezes, and find by how much they are off."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

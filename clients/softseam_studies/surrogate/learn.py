@@ -1,7 +1,5 @@
 """Make a surrogate: run a scene with FEM at spread values, and fit polynomials to what its squeezes came to."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from time import perf_counter
 

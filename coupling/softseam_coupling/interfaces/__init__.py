@@ -1,7 +1,5 @@
 """Kinds of interface between bodies, one file each; an extension adds its own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a kind of interface between two bodies brings: rows, made anew as each step begins."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol

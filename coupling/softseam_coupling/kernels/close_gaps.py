@@ -5,8 +5,6 @@ are flat, of 3 c rows or of 3 N nodes. The unknown is the pushed part's push tim
 part is pushed.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_coupling.kept_kernels import njit

@@ -1,7 +1,5 @@
 """The greatest length of vectors."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_coupling.kept_kernels import njit

@@ -1,7 +1,5 @@
 """Clean shapes for a set of grid cells: no islands, no holes, no seam that hangs on an edge or a corner."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_coupling.kept_kernels import njit

@@ -1,7 +1,5 @@
 """How well each way to predict a step would have done, and the step among the kept ones."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_coupling.kept_kernels import njit

@@ -1,7 +1,5 @@
 """Which cells have a reason to be near, counted step by step."""
 
-from __future__ import annotations
-
 from softseam_coupling.kept_kernels import njit
 
 

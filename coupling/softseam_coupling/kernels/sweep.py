@@ -1,7 +1,5 @@
 """Projected Gauss-Seidel on a dense system, of `softseam_coupling.loops.unilateral`."""
 
-from __future__ import annotations
-
 from softseam_coupling.kept_kernels import njit
 
 

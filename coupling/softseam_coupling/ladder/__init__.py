@@ -1,7 +1,5 @@
 """The ladder: what a body is simulated as, chosen anew before each step, and what carries over where that changes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

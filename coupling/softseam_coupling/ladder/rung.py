@@ -1,7 +1,5 @@
 """What a kind of rung brings: when a body is on it, what the body is there, and what carries over."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Protocol
 

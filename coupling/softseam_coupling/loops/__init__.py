@@ -1,7 +1,5 @@
 """One file a coupling loop; the table has one row a name that `seam.scheme` takes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from softseam_coupling.loops.loop import Loop, LoopSetup

@@ -16,8 +16,6 @@ parts beyond it, the system of the pushes is W = sum_p B_p H_p B_p^T over those 
 GMRES, which takes one iteration then, and few where S is older than W.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import pairwise
 

@@ -4,8 +4,6 @@ With B_p (c, n) of part p over all rows, the gap is g = sum_p B_p x_p - offset, 
 B_p^T lambda on the part's nodes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

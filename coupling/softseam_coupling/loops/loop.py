@@ -5,8 +5,6 @@ sees a solver: it asks for tentative steps and for corrections of these, by call
 and gap. `LOOPS` (`softseam_coupling.loops`) has the loops by the names that `seam.scheme` takes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol

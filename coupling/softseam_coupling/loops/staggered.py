@@ -9,8 +9,6 @@ so that an error of the multiplier becomes -H_a^-1 H_b times itself, in short st
 that grows the run ends with an error.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

@@ -10,8 +10,6 @@ Ito and Kunisch, SIAM J. Optim. 13, 2003, 865-888, a semi-smooth Newton method).
 after the other (projected Gauss-Seidel).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The asking side of requests: one that is under way, and a key that is asked often."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -7,8 +7,6 @@ An empty reply is a hard error, because it cannot tell whether the request ran: 
 and servers answer a repeated request with the same bytes.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import threading

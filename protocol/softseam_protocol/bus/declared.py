@@ -1,7 +1,5 @@
 """What is declared on a session of zenoh, and once more on the session that follows it."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable

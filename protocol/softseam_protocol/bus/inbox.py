@@ -1,7 +1,5 @@
 """Where zenoh's threads leave what they receive, for one of ours to pick up."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import deque

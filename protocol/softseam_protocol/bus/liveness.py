@@ -1,7 +1,5 @@
 """Which liveliness tokens exist, as one watch of a bus was told."""
 
-from __future__ import annotations
-
 import threading
 
 from softseam_protocol.bus.inbox import Inbox, LiveChange

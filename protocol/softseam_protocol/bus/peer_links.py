@@ -6,8 +6,6 @@ of the old one, whose tokens and subscriptions it told long ago. In either case 
 or one of them does not hear of the other: a link that broke is looked at once more when there is another.
 """
 
-from __future__ import annotations
-
 import logging
 import threading
 import time

@@ -1,7 +1,5 @@
 """A session of zenoh: opened, closed once, and followed by another where its links must be made anew."""
 
-from __future__ import annotations
-
 import atexit
 import itertools
 import json

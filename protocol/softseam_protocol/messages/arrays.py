@@ -1,7 +1,5 @@
 """What messages are made of: validated arrays, counts and names."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """What every message begins with."""
 
-from __future__ import annotations
-
 from softseam_protocol.messages.arrays import Count, IdText, NameText
 from softseam_protocol.messages.message import message
 

@@ -1,7 +1,5 @@
 """What makes a class a message: fields in their order, set when it is made."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import TypeVar, dataclass_transform
 

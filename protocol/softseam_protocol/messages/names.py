@@ -1,7 +1,5 @@
 """How bodies, parts and interfaces are called: BODY, BODY.PART and BODY.INTERFACE."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 ONLY_BODY = "body"

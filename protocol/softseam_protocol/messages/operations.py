@@ -1,7 +1,5 @@
 """What services tell of themselves."""
 
-from __future__ import annotations
-
 from softseam_protocol.messages.arrays import Count, NameText
 from softseam_protocol.messages.message import message
 

@@ -1,7 +1,5 @@
 """What messages say in one word, for programs to act on; texts beside them are for people, and nothing reads those."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 
 

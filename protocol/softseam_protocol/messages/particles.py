@@ -1,7 +1,5 @@
 """What a body of particles reports of itself beside what every part does."""
 
-from __future__ import annotations
-
 from softseam_protocol.messages.arrays import Count
 from softseam_protocol.messages.message import message
 

@@ -1,7 +1,5 @@
 """To recorders and viewers, once a session; and back."""
 
-from __future__ import annotations
-
 from dataclasses import field
 
 from softseam_protocol.messages.arrays import (

@@ -1,7 +1,5 @@
 """Between the orchestrator, its clients and who watches: reports, frames, events; requests."""
 
-from __future__ import annotations
-
 from dataclasses import field
 
 from softseam_protocol.messages.arrays import (

@@ -1,7 +1,5 @@
 """A participant on the bus: bytes in, bytes out."""
 
-from __future__ import annotations
-
 import logging
 from collections import Counter
 

@@ -4,8 +4,6 @@ A part is a function from state to state. What is taken back, repeated, saved an
 `step` and `response` compute from their arguments and from what `__init__` made.
 """
 
-from __future__ import annotations
-
 import json
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """The mesh of a part: whether it is one, the octants of its hexahedra, and points that these carry."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

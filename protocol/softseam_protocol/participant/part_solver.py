@@ -1,7 +1,5 @@
 """A part's committed state, the tentative one beside it, and what was reported of both: the solver of a `Part`."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from dataclasses import replace

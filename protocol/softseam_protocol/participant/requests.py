@@ -4,8 +4,6 @@ A request is answered once; the same request again gets the same reply; a reques
 nothing. See `solver` for the states.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """A participant's process: on the bus until it is asked to stop."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import queue

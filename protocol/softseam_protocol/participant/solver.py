@@ -9,8 +9,6 @@ every cache that could change later bits (stale factors, warm starts), so that a
 not are bit-identical from there on. `requests` keeps that order, for every solver.
 """
 
-from __future__ import annotations
-
 from typing import Protocol
 
 from softseam_protocol.messages.header import Header

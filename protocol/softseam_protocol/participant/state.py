@@ -1,7 +1,5 @@
 """The state of a part as a value: nobody writes to it, so that what is taken back or repeated is so to the bit."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace

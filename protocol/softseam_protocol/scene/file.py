@@ -1,7 +1,5 @@
 """Scene files: from a path to a validated Scene and the Bundle that carries it, or one SceneError that says where."""
 
-from __future__ import annotations
-
 import difflib
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """How friction varies over a body's surface."""
 
-from __future__ import annotations
-
 from pydantic import Field
 
 from softseam_protocol.scene.spec import Positive, Spec

@@ -1,7 +1,5 @@
 """The model that a scene means by its own words, where its regions name none."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from softseam_protocol.models import ModelKind, taking, that

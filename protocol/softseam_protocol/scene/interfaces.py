@@ -1,7 +1,5 @@
 """Interfaces between bodies: what a scene says of where two bodies meet, and of what holds there."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """What a scene may say at one place: the keys of the spec there, and the description of the value."""
 
-from __future__ import annotations
-
 import types
 import typing
 from typing import Any

@@ -1,7 +1,5 @@
 """Materials, elements and integrators by name, and which of them may meet."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """Rungs: what a body may be simulated as while it runs; each kind is a row of RUNGS."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from softseam_protocol.scene.spec import OfKind, Spec

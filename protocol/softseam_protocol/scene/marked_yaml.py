@@ -1,7 +1,5 @@
 """YAML as plain data plus the place of every entry: the core schema of YAML 1.2 (JSON's types), no duplicate keys."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """What of a mesh file is taken, alike for bodies and tools."""
 
-from __future__ import annotations
-
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 

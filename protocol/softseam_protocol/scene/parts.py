@@ -1,7 +1,5 @@
 """Shapes of the parts of a body that are of another material; one more shape is one more row of PARTS."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field

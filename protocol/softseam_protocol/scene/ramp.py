@@ -5,8 +5,6 @@ The speed rises as half a wave of a cosine, whose steepest is the acceleration a
 so both ends take v t_r of the way. Where that is longer than all of it, the highest speed is what it allows.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Rigid tools of a scene; a tool of another shape is one more row of TOOLS."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Literal
 

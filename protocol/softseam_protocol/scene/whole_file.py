@@ -1,7 +1,5 @@
 """A mesh file and what it needs of the files beside it, as one content: a participant elsewhere gets no folder."""
 
-from __future__ import annotations
-
 import base64
 import json
 from pathlib import Path

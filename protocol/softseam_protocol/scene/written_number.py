@@ -1,7 +1,5 @@
 """Numbers as people write them with separators, and what YAML's way to write them is: 20,000 is 20000, 0,05 is 0.05."""
 
-from __future__ import annotations
-
 import re
 
 _REST = r"(?P<power>[eE][-+]?[0-9]+)?"

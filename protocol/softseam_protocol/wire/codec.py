@@ -6,8 +6,6 @@ kernel compiled for arrays of this process is the one that runs on arrays from t
 in every process; maps come back sorted by key.
 """
 
-from __future__ import annotations
-
 import functools
 import re
 import types

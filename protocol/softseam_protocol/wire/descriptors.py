@@ -4,8 +4,6 @@ Field 1 of every protobuf message is `message_type`, set on the outermost messag
 that it can be recorded verbatim and read by any language. The package name carries the schema version.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import sys
 import types

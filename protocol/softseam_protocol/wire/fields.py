@@ -1,7 +1,5 @@
 """How one field is written to and read from its protobuf message, with the checks that it declares."""
 
-from __future__ import annotations
-
 import functools
 import math
 import re

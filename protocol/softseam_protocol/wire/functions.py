@@ -4,8 +4,6 @@
 fields declare. Loops over the fields in their place take 1.35 times as long (docs/decisions/32).
 """
 
-from __future__ import annotations
-
 import math
 import threading
 from collections.abc import Callable

@@ -15,8 +15,6 @@ their faces on the ball biquadratic; a is such that they hold the ball's volume 
 they would miss by order 4 in their edge with the radius itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import product
 

@@ -1,7 +1,5 @@
 """The surface of a block that cells fill exactly: its points are lattice nodes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats, Ints, Surface

@@ -6,8 +6,6 @@ Local order. A cell has 27 nodes on a 3 x 3 x 3 lattice, a = i + 3 j + 9 k with 
 same nodes, same masses, same energy density. A cell that is a tetrahedron has ten of these nodes (`tetrahedron`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal

@@ -1,7 +1,5 @@
 """Where a body's materials meet, as lines that viewers draw."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How far a body reaches at rest."""
 
-from __future__ import annotations
-
 from softseam_services.body.body import Body, Floats
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.particles import ParticleBody

@@ -1,7 +1,5 @@
 """A scene's body spec -> the body in cells."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

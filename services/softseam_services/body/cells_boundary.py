@@ -4,8 +4,6 @@ A face that two cells have is inside. Cells may be numbered in either sense: eac
 V = sum over its faces of a . (b x c)/6 about its first corner, quads halved along both diagonals and averaged.    (1)
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

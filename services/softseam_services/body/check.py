@@ -1,7 +1,5 @@
 """What a body looks like before anything is simulated: sizes, masses, fills, and what is worth a warning."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,8 +8,6 @@ g < 0 the gap, A the area that the point stands for, h half the edge of a cell. 
 waves that the cells lack (docs/decisions/45).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Body, Floats, Region

@@ -1,7 +1,5 @@
 """Edges of cells where a scene leaves them open: as long as forces stay within some per cent."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A closed surface embedded in cells that it fills partly."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ M_pqr = int s^p t^q w^r dV over the filled part of an octant, s, t, w in [0, 1],
 ask for: they are exact whatever the shape of the part.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Body, Floats, Ints

@@ -11,8 +11,6 @@ over phases, and so over a surface that is large beside the length, whatever the
 (exp(-a)/I_0(a))^COSINES > 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """A block in hexahedra that are thinner where contact makes stress peak: at its faces, or at the edges of tools."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

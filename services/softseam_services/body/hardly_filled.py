@@ -11,8 +11,6 @@ it, ring by ring. A mean, so that no stress, nor any convex measure of it such a
 well-filled octants: their peak is the field's. Well-filled octants keep what they have, to the bit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 

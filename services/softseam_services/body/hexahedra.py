@@ -7,8 +7,6 @@ local coordinates xi_a of the nodes and Simpson's weights w_a (sum 1 over the ce
 which are positive, and have the right centre of mass where faces are flat or ruled: J is a polynomial of degree 2 then.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product

@@ -6,8 +6,6 @@ elsewhere the body is that with the border moved by up to a quarter of a cell. H
 graded, are each of the one material at their centre.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

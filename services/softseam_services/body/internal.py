@@ -4,8 +4,6 @@ It is the n numbers of the law in each octant of a cell, whatever solver has the
 rest, of no element and no block.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.messages.participant import BodyState

@@ -5,8 +5,6 @@ quadratic ones of the cell, PBD with the 8 trilinear functions of the octant tha
 reproduce linear fields.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.models import MODELS

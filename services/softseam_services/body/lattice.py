@@ -1,7 +1,5 @@
 """Cells of a uniform grid and the nodes of their half-edge lattice."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -17,8 +17,6 @@ is flat, and blind to stretch only as far as the sheet does not stretch (Bergou 
 for inextensible surfaces"; on a lattice their hinges become these differences).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.scene.particles import RopeBody, SheetBody

@@ -8,8 +8,6 @@ trilinear functions (never negative, centre of mass exact), m_octant spreads eac
 nodes. On a full cell the corner has 0.30 m_octant, so t = 0 and nothing changes.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

@@ -1,7 +1,5 @@
 """Files of closed surfaces and solid meshes -> triangles, or cells that are taken as they are."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

@@ -1,7 +1,5 @@
 """One body of a surface that has several: which there are, and which is taken."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Faces of cells on the body's surface."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

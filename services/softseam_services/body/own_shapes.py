@@ -1,7 +1,5 @@
 """Where things are in cells that are no boxes: points in them, samples of stress, and what viewers draw."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bodies of particles, sheets, ropes and meshes of tetrahedra, or of points: what PBD moves and a viewer draws."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 

@@ -1,7 +1,5 @@
 """The material at points of cells whose octants differ."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Body, Floats, Ints

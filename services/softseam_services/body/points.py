@@ -1,7 +1,5 @@
 """Points without cells: what a kind of body from outside is made of, and how it stands in a scene."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -26,8 +26,6 @@ its linear ones),
 the middle of a cell sees that one cell, which fixes no curvature.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cells of a body, numbered on their own, and the nodes that two sets of cells share."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,8 +5,6 @@ welded; open edges are split at points that lie on them; small holes are closed;
 lie on a line, give their middle corner to the neighbour across.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The closed surface that viewers draw: two layers around a sheet, a tube around a rope, a solid's own boundary."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

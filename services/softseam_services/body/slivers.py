@@ -8,8 +8,6 @@ than `THIN` of the fullest of them. Its root lies in its own cell, where that ha
 slivers alone, a sliver cell, is joined to one root cell, the nearest that is none: then all its nodes can follow it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Is a surface the boundary of one solid body? Orientation is repaired where it can be; all else is refused by name."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Points of an embedded surface: refined to a spacing, with areas and normals, and where tools press them."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -3,8 +3,6 @@
 Only planes across an axis that no cell is cut by: then one side of it is a body of whole cells. Gravity lies in them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A block of tetrahedra, five to a cube: its points are a lattice, and cubes that meet are each other's images."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import NamedTuple
 

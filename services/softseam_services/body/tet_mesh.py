@@ -1,8 +1,6 @@
 """A solid of tetrahedra whose corners are particles, from a file or of a block: what PBD moves by their strains, or in
 its classic form by their volumes and edges."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import NamedTuple

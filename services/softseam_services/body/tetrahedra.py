@@ -9,8 +9,6 @@ Ong, SIAM J. Sci. Comput. 15, 1994). Masses are the diagonal of the consistent m
   m_corner = rho V/36,   m_middle = 4 rho V/27                                                                    (1)
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

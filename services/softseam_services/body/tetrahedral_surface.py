@@ -4,8 +4,6 @@ Each edge is divided into four parts, so that a face has 15 points, as dense as 
 has freedoms, and so they press as those do (docs/decisions/45).
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import NamedTuple
 

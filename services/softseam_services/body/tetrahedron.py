@@ -11,8 +11,6 @@ and the linear ones of the eight, with p = L0 + L1 - L2 - L3, q = L0 + L2 - L1 -
   and (1 - |p| - |q| + r)/2, (1 - |p| - |q| - r)/2 in those of 03, 12                                             (2)
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

@@ -5,8 +5,6 @@ there. The least box of all need not have a face there (J. O'Rourke, Int. J. Com
 where a solid has flat sides or is long, it has.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 

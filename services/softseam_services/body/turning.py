@@ -1,7 +1,5 @@
 """A body's turn in a step: found where the step begins, and given back where it ends (kernels/turning.py)."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

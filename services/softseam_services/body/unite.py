@@ -1,8 +1,6 @@
 """What crosses -> one solid: closed bodies that overlap or touch are united, points at which a surface pokes through
 itself are left out."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The unit of a mesh file, guessed from how large a body is that a hand grips; told, never applied."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

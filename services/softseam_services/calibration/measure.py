@@ -14,8 +14,6 @@ that lags loses up to a third less than it says. Leapfrog loses nothing; its err
 be lost is the scene's damping, zeta = (a/omega + b omega)/2.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator

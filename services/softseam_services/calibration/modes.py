@@ -1,7 +1,5 @@
 """The slowest oscillation of a body at rest, from the forces of its elements: what a participant should show."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -12,8 +12,6 @@ slowly are what counts: inertia is that of a step in which waves cross the body 
 where nothing holds the body.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.messages.participant import BodyState, ToolMotion

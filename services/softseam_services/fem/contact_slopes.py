@@ -1,7 +1,5 @@
 """Derivatives of a step, for the kernels: those of its contacts, and what solving with its whole matrix works in."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

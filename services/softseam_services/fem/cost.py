@@ -8,8 +8,6 @@ round.
 The constants were measured once (docs/decisions/06).
 """
 
-from __future__ import annotations
-
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_services.solver_row import StepWork
 

@@ -1,7 +1,5 @@
 """What a number owes to a state and to the inputs of steps, or how a change of these moves it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -7,8 +7,6 @@ it becomes the dynamic Schur complement of the seam, and a stiffness that couple
 without a seam get trees of their own.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array

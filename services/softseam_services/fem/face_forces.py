@@ -1,7 +1,5 @@
 """Forces at points inside faces, told and taken over as forces at the nodes of these faces."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats, Ints

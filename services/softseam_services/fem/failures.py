@@ -1,7 +1,5 @@
 """Why a step of FEM failed, in a word and in words."""
 
-from __future__ import annotations
-
 from softseam_protocol.messages.outcomes import Status
 from softseam_services.body.body import Floats, Ints
 from softseam_services.fem.kernels.newton import INDEFINITE, LEAST_J, NOT_FINITE, STALLED, WORST_CELL

@@ -1,7 +1,5 @@
 """Reads a region's fields, and the errors of its mesh and its model, out of a state."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.messages.header import Header

@@ -1,7 +1,5 @@
 """What a step takes besides structure, parameters and state, and what it comes to, for the kernels."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

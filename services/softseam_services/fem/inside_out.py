@@ -4,8 +4,6 @@ Below J_MIN the energy goes on as a parabola (body/materials/neo_hookean.py), an
 body that is squeezed to less than a third may fall into a state in which faces lie within cells, and rest there.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

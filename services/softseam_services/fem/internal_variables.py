@@ -1,7 +1,5 @@
 """What FEM cannot do yet with a material that has state."""
 
-from __future__ import annotations
-
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Body
 from softseam_services.body.errors import SettingError

@@ -10,8 +10,6 @@ space of functions stays whole, and forces do not rise, as they do where such no
 of both cells with one deformation gradient (`octants`, eq. 1) are groups of the joint.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -12,8 +12,6 @@ have the pressure of those points, carried to the others by their own polynomial
 element's pressure is noise that it never feels. Tetrahedra have the stress that they report in each octant all over it.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

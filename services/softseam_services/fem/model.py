@@ -4,8 +4,6 @@ Numbers, such as moduli, masses and lengths, are apart (`parameters`): bodies th
 structure, and with it the symbolic factor.
 """
 
-from __future__ import annotations
-
 import hashlib
 from typing import Any, NamedTuple
 

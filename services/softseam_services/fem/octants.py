@@ -9,8 +9,6 @@ on linear fields, and holds nodes that the body hardly reaches. Roots with slive
 `joints`, and count with nothing in their own cell.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

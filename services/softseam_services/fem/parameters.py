@@ -4,8 +4,6 @@ They are built by array operations alone, with no order of elimination and no se
 modulus, density, friction or size is another record of parameters beside the same structure.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

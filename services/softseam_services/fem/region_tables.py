@@ -3,8 +3,6 @@
 Each is built when first asked for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cached_property
 

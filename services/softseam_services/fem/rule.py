@@ -1,7 +1,5 @@
 """An element in the cells of a region, as the kernels take it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A solver's state as bytes: a magic, the shapes, and the arrays as little-endian float64."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

@@ -4,8 +4,6 @@ At once, as a rule; where an error in time is bounded, in substeps that keep it 
 not converge the step is tried again with a new factor, then carefully, then in 2, 4 ... 32 equal parts.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Derivatives of steps that were taken: of each, what its end says of its start and of its inputs, and the reverse."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 

@@ -4,8 +4,6 @@ Of a body that differs from one that was there before in numbers alone, the orde
 are those of the one before.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from softseam_protocol.scene.models import FemSpec

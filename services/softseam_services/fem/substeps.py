@@ -12,8 +12,6 @@ Nothing is assumed of the motion, so a first touch, which makes velocities jump 
 anything else and cut down to the deepest level, where a piece is accepted whatever its error; the report tells it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

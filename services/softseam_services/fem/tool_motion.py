@@ -1,7 +1,5 @@
 """The tools as kernels see them: over a step, and over a part of it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

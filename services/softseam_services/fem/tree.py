@@ -1,7 +1,5 @@
 """A region's matrix as a tree of fronts, for the kernels that factor it and solve with it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which regions are given back what steps lose of a rotation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.turning import Turning

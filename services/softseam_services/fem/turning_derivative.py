@@ -5,8 +5,6 @@ of it. G and D are smooth functions of some thirty sums over nodes, whose deriva
 (W. Squire, G. Trapp, SIAM Review 40 (1998) 110-112); the sums are products of places and velocities.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

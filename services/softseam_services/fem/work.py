@@ -1,7 +1,5 @@
 """What a region's FEM works in: arrays that kernels write, of the sizes that its model asks for."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

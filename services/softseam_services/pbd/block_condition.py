@@ -6,8 +6,6 @@ cost nothing; so A is taken in the scale of its compliance, 1 + h^2 H^1/2 J W J^
 of its diagonal, which scale it could have had before. Where a squeezed block would give way, H is taken as zero.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

@@ -4,8 +4,6 @@ Blocks further away are left out. Nodes at which the probed ones meet them carry
 clamps takes up all the momentum that it is given; where some are clamped, these nodes are held still.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The condition number of XPBD's system for the multipliers of a body, as it stands, and what it means for sweeps."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Eight blocks a cell, or one of coarse ones, in each sweep of each substep; as ma
 The constants were measured once (docs/decisions/06).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Reads a region's fields, and what PBD is off by in its cells, out of a state."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.messages.header import Header

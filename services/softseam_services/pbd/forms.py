@@ -5,8 +5,6 @@ that does not know where its axes lie is that of a box. A linear material knows,
 blocks keep the body's axes, and the row sums of |G| take the place of G's diagonal.
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Constants of the block constraint: Lame constants, edges and the assumed-strain hourglass stiffness."""
 
-from __future__ import annotations
-
 from typing import TypeVar
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What blocks remember, and what octants do: the numbers of a law with internal state, as they are handed over."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

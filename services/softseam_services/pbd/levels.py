@@ -18,8 +18,6 @@ lie between hang as well. So corner q gives its place to the cell's corner q, an
 slopes b' = W^T b on the nodes that take part, which keep sum b'_i X_i^T = 1, the patch test (`forms`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The structure of a PBD region: what is joined to what, whatever the numbers are. Never changed, so it is shared."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple

@@ -17,8 +17,6 @@ A bound without a solve, sum_e r_e . K_e^+ r_e with each cell's own r_e, was tri
 the two models share out the same traction otherwise over the nodes of a face, which only cancels between neighbours.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Body, Floats, Material, Region

@@ -3,8 +3,6 @@
 Another modulus, friction or size is another set of these on the same structure.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

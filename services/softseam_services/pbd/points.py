@@ -5,8 +5,6 @@ and boxes that cover the block touch there, and all other tools inside faces, at
 as in FEM (tools/face_points.py).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The PBD participant's solver: what a request asks of one region, and the answer; how a step is taken is in `step`."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

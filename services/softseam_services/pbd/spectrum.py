@@ -6,8 +6,6 @@ constraint is scaled does not matter to a Gauss-Seidel sweep, which solves for e
 diagonal D, of constraints that are solved together by the blocks of it: what counts is D^-1/2 A D^-1/2.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

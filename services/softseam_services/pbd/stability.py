@@ -1,7 +1,5 @@
 """How long a substep of PBD may be, and how much its blocks count with of what their nodes give way."""
 
-from __future__ import annotations
-
 import numpy as np
 
 KAPPA = 0.5

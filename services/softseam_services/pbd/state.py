@@ -1,7 +1,5 @@
 """Everything of a PBD region that evolves, in one buffer: copying the state is one copy, a snapshot is its bytes."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One step of a PBD region: the plan, and what is tried in its place where the monitor does not believe it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Structures that a process was asked for last: scenes that differ only in numbers share one."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from threading import Lock

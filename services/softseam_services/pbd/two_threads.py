@@ -1,7 +1,5 @@
 """One or two threads at a step, whichever is faster; the result is the same. See `kernels.thread_team`."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor

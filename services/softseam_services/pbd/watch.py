@@ -1,7 +1,5 @@
 """Whether a step can be believed, and what is done at once where it cannot: the monitor of the PBD participant."""
 
-from __future__ import annotations
-
 import math
 from enum import Enum
 

@@ -1,7 +1,5 @@
 """The message that opens a recording: where it came from, and the surfaces that viewers draw."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

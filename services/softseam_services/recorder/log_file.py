@@ -4,8 +4,6 @@
 are attachments; seed, versions and machine are metadata, and so is, where the file ends before its run, why.
 """
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -5,8 +5,6 @@ published a few times a second, so that the orchestrator can wait for a recorder
 the file is finished.
 """
 
-from __future__ import annotations
-
 import logging
 import threading
 from pathlib import Path

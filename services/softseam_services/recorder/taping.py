@@ -1,7 +1,5 @@
 """One session being recorded: from the bus's inbox to the file, on a thread of its own."""
 
-from __future__ import annotations
-
 import threading
 import time
 from pathlib import Path

@@ -3,8 +3,6 @@
 The tail lies behind what was flushed and is written anew by each flush, so that a full disk has room for another one.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Literal

@@ -1,7 +1,5 @@
 """One file a shape of tools and of inclusions; the table has one row a kind of the scene file."""
 
-from __future__ import annotations
-
 from softseam_protocol.table import Table
 from softseam_services.shapes import box, capsule, cylinder, mesh, plane, sphere
 from softseam_services.shapes.geometry import Geometry, Sameness

@@ -1,7 +1,5 @@
 """A box, by its half edges and the radius of its edges, which are sharp as a scene has them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.scene.parts import BoxPart

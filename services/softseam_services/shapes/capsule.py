@@ -1,7 +1,5 @@
 """A capsule along z, by its radius and half its length."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.scene.parts import CapsulePart

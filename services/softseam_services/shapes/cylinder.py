@@ -1,7 +1,5 @@
 """A cylinder along z, by its radius, half its length and the radius of its rims, sharp as a scene has them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.scene.parts import CylinderPart

@@ -1,7 +1,5 @@
 """Signed distance to a shape anywhere in the world: a branch each of softseam's own, a call of those from outside."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

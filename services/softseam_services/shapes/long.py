@@ -1,7 +1,5 @@
 """What capsules and cylinders have alike."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

@@ -9,8 +9,6 @@ The numbers of the shape hold it all: half edges of the mesh's bounding box, the
 then the values with the last axis fastest.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -1,7 +1,5 @@
 """A half-space, by its unit normal."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.scene.tools import PlaneTool

@@ -1,7 +1,5 @@
 """How kernels call the signed distance of a shape from outside."""
 
-from __future__ import annotations
-
 from softseam_services.jit import Prototype
 
 DISTANCE = Prototype(

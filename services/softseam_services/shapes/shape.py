@@ -5,8 +5,6 @@ distance(numbers, x, y, z) -> gap, nx, ny, nz: the gap [m], positive outside, an
 point of the surface, in the shape's own frame. It is compiled alone, and kernels call it by its address (`jit`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """A sphere, by its radius."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.scene.parts import SpherePart

@@ -3,8 +3,6 @@
 They turn a shape's own frame into the world's: y_world = position + R y_own.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

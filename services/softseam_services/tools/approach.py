@@ -11,8 +11,6 @@ left, the others are divided. So it is the same whatever triangles a surface is 
 counts which is nearest to the line of the tool's position.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """A scene's tools -> flat arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

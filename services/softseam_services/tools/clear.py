@@ -1,7 +1,5 @@
 """Do the tools start outside the body?"""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Body, Floats, Ints

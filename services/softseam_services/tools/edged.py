@@ -1,7 +1,5 @@
 """Tools that press a block's faces between their nodes: what is round, and what has an edge on a face."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How far a tool reaches."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

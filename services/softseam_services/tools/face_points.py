@@ -5,8 +5,6 @@ cell, and so does the force, and what is thinner than a cell is missed between t
 middles of 4 x 4 patches a face, and at no node.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Tool poses over one step."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Which tool is which one's image in a plane of symmetry, as tools begin and as the scene's motion has them move."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

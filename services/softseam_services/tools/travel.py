@@ -3,8 +3,6 @@
 So FEM takes such a step in parts (`parts_needed`), and an event tells of it (`beyond_middle`).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -10,8 +10,6 @@ are lumped, so with y = R^T x, w = R^T v only the matrix A = M + dt^2 K is ever 
 and d(x1)/d(f) = dt^2 R A^-1 R^T. Cells are eight trilinear hexahedra each, whose change of volume is their mean.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Forces of FEM and XPBD on ever shorter cells, and what FEM claims there: what maps of tools and shapes share."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

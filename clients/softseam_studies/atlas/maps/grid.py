@@ -1,7 +1,5 @@
 """What a map is made of: panels of cells, each a short run and the verdict on it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

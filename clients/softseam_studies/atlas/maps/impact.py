@@ -1,7 +1,5 @@
 """Speed against the thickness of what is hit: nothing passes anything, however fast and however thin."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

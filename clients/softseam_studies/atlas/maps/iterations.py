@@ -1,7 +1,5 @@
 """Iterations against stiffness: XPBD's material stays what it is, that of classic PBD follows its sweeps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache, partial
 from typing import Any

@@ -1,7 +1,5 @@
 """Messages that fare badly against how often they do, with FEM, XPBD and both."""
 
-from __future__ import annotations
-
 from functools import cache, partial
 from typing import get_args
 

@@ -1,7 +1,5 @@
 """Poisson's ratio against the element: who locks. Uncured low orders are there to be seen to fail."""
 
-from __future__ import annotations
-
 from functools import cache, partial
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Shape of a body against the cells that it is embedded in, and whether claims of the error hold there."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import cache

@@ -1,7 +1,5 @@
 """Slope against friction: what friction holds stays, what it does not hold slides as Coulomb says."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """Squeeze against closing speed, with FEM and XPBD: crushed cells, negative Jacobians, impacts."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from softseam_studies.atlas.maps.grid import Cell, Map, Panel

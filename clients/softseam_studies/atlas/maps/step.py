@@ -1,7 +1,5 @@
 """Step against Young's modulus, with FEM, XPBD and both: a squeeze by a tenth, whose force over E A is one number."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from softseam_studies.atlas.maps.grid import Cell, Map, Panel

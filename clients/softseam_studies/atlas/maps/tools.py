@@ -1,7 +1,5 @@
 """Shape and size of a tool against the cells that it presses, and whether claims of the error hold there."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

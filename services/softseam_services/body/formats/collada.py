@@ -4,8 +4,6 @@ Source: Khronos Group 2008, COLLADA 1.4.1 and 1.5.0 specifications. Nothing but 
 materials and pictures that are missing or broken do not matter; skins are refused.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from urllib.parse import unquote
 from xml.etree import ElementTree

@@ -3,8 +3,6 @@
 Source: Khronos Group 2021, glTF 2.0 Specification, ISO/IEC 12113. Materials, morphs and animations are left out.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import struct

@@ -4,8 +4,6 @@ Version 1 has $NOD and $ELM, 2 and 4 have $Nodes and $Elements (Gmsh's reference
 in "Legacy formats"). What else is in a file is left out.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 

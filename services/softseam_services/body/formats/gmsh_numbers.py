@@ -1,7 +1,5 @@
 """Numbers of a section of a Gmsh file, one after the other, in text or in binary of this machine's byte order."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -2,8 +2,6 @@
 reference. References that differ are parts.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -5,8 +5,6 @@ have any number of corners; a line goes on after a backslash. Objects (`o`) name
 none. Texture, normals, colours, materials, lines and points are left out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

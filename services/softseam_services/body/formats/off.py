@@ -1,7 +1,5 @@
 """OFF (Geomview), in text: vertices and polygons; normals, colours and texture are left out."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

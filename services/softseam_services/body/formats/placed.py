@@ -1,7 +1,5 @@
 """Meshes that a scene places -> one file, with a part for each name."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

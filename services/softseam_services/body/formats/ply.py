@@ -4,8 +4,6 @@ Elements have properties, numbers or lists; `vertex` has x, y, z, `face` a list 
 `tristrips` one of strips that -1 ends. Colours, normals, texture and other elements are left out.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

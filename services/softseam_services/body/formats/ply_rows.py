@@ -1,7 +1,5 @@
 """Rows of numbers and lists of a PLY file's body, all at once where their lists are equally long."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Polygons of any number of corners -> triangles that keep their orientation."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

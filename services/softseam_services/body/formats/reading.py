@@ -1,7 +1,5 @@
 """A mesh file of any format -> points and cells: the format is what the content says, else what the suffix says."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re

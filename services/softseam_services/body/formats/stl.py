@@ -1,7 +1,5 @@
 """STL, in text of letters of either case or binary; every solid of a text is a part."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

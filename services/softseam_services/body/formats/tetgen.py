@@ -1,8 +1,6 @@
 """Tetrahedra of TetGen (.node and .ele, one after the other) and of .tet files, as robots' benchmarks and Quartet write
 them."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

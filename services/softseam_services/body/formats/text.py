@@ -1,7 +1,5 @@
 """Texts of mesh files: their characters, and where in them something is wrong."""
 
-from __future__ import annotations
-
 import codecs
 import warnings
 from collections.abc import Sequence

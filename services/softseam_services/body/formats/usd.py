@@ -3,8 +3,6 @@
 What the stage composes must be in the one file; materials, subdivision, skins and animations are left out.
 """
 
-from __future__ import annotations
-
 import posixpath
 import tempfile
 import zipfile

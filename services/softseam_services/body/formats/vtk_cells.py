@@ -1,7 +1,5 @@
 """Cells of VTK, by the numbers of their types -> blocks of the kinds that are read."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

@@ -3,8 +3,6 @@
 Cells are lists (until version 4) or OFFSETS and CONNECTIVITY (from 5 on). Fields are left out.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -3,8 +3,6 @@
 Arrays are text, base64, or appended to the file, as they are or compressed by zlib or lzma, of either byte order.
 """
 
-from __future__ import annotations
-
 import base64
 import lzma
 import re

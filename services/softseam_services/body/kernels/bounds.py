@@ -1,7 +1,5 @@
 """Loops over surface points that find how far a body reaches."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

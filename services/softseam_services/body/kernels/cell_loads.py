@@ -1,7 +1,5 @@
 """Stress at points of cells, and the nodal forces that it makes: what error indicators compare, off the hot path."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials.point import cauchy, stress

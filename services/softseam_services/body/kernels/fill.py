@@ -6,8 +6,6 @@ so that a piece inside the octant counts with its height, and a piece above it, 
 Pieces are triangles clipped to the octants. No ray is cast, so nothing depends on how rays meet edges.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -10,8 +10,6 @@ nodes, for read-out; to measure quadratic cells the recovered stress must be one
 Where the samples cannot tell a slope or curvature (a body one cell thick), the least one is taken.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

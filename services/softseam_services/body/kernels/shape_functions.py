@@ -1,7 +1,5 @@
 """Shape functions of both models at local coordinates, which run from -1 to 1 over a cell."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

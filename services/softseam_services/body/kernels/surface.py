@@ -1,7 +1,5 @@
 """Loops over triangles that find where a surface crosses itself."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

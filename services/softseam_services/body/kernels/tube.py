@@ -1,7 +1,5 @@
 """Points of a tube around a line of particles."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

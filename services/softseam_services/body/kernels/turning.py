@@ -18,8 +18,6 @@ complex numbers differentiate (fem/turning_derivative.py). Of steps in substeps 
 all, and w_c alone is enough.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

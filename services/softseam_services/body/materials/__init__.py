@@ -1,7 +1,5 @@
 """One file a material; the table has one row a kind of the scene file."""
 
-from __future__ import annotations
-
 from softseam_protocol.scene.materials import MaterialSpec, MooneyRivlinMaterial
 from softseam_protocol.table import Table
 from softseam_services.body.body import Material

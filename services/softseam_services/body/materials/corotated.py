@@ -11,8 +11,6 @@ right side out again. It jumps where s_i + s_j = 0; there the sum in eq. (3) is 
 Valid: any rotation, strains of some ten percent; it does not stiffen when crushed. mu > 0, lambda > -2/3 mu [Pa].
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials.principal import assemble, signed_svd

@@ -12,8 +12,6 @@ dN_ij/dF_kl = 2 F_ij F_kl + I1 d_ik d_jl - d_ik C_jl - F_il F_kj - (F F^T)_ik d_
 dcof_ij/dF_kl = e_ikm e_jln F_mn                                                                               (5)
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

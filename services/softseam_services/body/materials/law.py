@@ -12,8 +12,6 @@ What a step does is found where it ends, so that over a step the work P : dF is 
 for what the integrator errs by.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -9,8 +9,6 @@ Valid: strains and rotations below a few percent; a body that turns by an angle 
 mu > 0, lambda > -2/3 mu [Pa].
 """
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 
 

@@ -11,8 +11,6 @@ state has a finite energy and a force that turns it right side out again.
 Valid: any F; data of rubber fit up to stretches of about 2. 0 <= ratio <= 1, mu > 0, K > 0 [Pa].
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

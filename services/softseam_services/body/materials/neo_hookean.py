@@ -13,8 +13,6 @@ has a finite energy and a force that turns it right side out again.
 Valid: any F. mu > 0, lambda > -2/3 mu [Pa].
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -6,8 +6,6 @@ response (`law`), so no law falls through to another's. F (3, 3) is the deformat
 (9, 9), row 3 i + j for P_ij, column 3 k + l for F_kl; A is symmetric.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials import (

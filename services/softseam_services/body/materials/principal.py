@@ -12,8 +12,6 @@ The positive semi-definite tangent is the one with the negative eigenvalues of t
 nearest such matrix in the Frobenius norm.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

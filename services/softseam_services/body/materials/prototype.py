@@ -1,7 +1,5 @@
 """How kernels call a law by its address: what a response takes and returns, of a law without state and with one."""
 
-from __future__ import annotations
-
 from softseam_services.jit import Prototype
 
 MAX_PARAMETERS = 8

@@ -9,8 +9,6 @@ Valid: any rotation, strains of some ten percent. It weakens in compression (uni
 neo_hookean or stable_neo_hookean where tools squeeze. mu > 0, lambda > -2/3 mu [Pa].
 """
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 
 

@@ -12,8 +12,6 @@ Valid: any F; a crushed or inverted state costs a finite energy and is pushed ba
 great pressure cells may turn over; F = 0 alone is a state without force. mu > 0, lambda > -2/3 mu [Pa].
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

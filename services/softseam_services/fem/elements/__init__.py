@@ -1,7 +1,5 @@
 """One file an element; the table has one row a name of the scene file."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from softseam_protocol.table import Table

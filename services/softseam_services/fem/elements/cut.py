@@ -16,8 +16,6 @@ Either way gradients of linear fields are exact at every point. Tetrahedra are l
 octant's filled part is not known.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.scene.kinds import ELEMENTS as FACTS

@@ -1,7 +1,5 @@
 """Quadratic hexahedron, mu/2 I1 with 3^3 Gauss points and the rest with 2^3: no locking, no spurious modes."""
 
-from __future__ import annotations
-
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_services.body.body import Floats
 from softseam_services.fem.elements.hexahedra import quadratic

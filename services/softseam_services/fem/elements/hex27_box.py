@@ -9,8 +9,6 @@ that the body fills in part have gradients and S of their own, and the weights f
 are no boxes, as of `table.split`.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -6,8 +6,6 @@ exact on Q_3 in each variable). The whole of it makes displacements a minimum of
 which is too stiff wherever the truth is none; the less of it, the softer, and the sooner a squeezed cell buckles.
 """
 
-from __future__ import annotations
-
 from softseam_services.body.body import Floats
 from softseam_services.fem.elements import hex27
 from softseam_services.fem.elements.table import Table

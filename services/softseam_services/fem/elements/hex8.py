@@ -4,8 +4,6 @@ The coarse rule is the uniform gradient, and mu S its hourglass stiffness: that 
 bending than the element of theory. It needs three elements or more through a thickness that bends.
 """
 
-from __future__ import annotations
-
 from softseam_services.body.body import Floats
 from softseam_services.fem.elements.hexahedra import linear
 from softseam_services.fem.elements.table import Table, split

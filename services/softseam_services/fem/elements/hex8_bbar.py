@@ -5,8 +5,6 @@ Nagtegaal, Parks & Rice (Comput. Meth. Appl. Mech. Eng. 4, 1974) in the form of 
 stiff in bending.
 """
 
-from __future__ import annotations
-
 from softseam_services.body.body import Floats
 from softseam_services.body.lattice import OCTANT_NODES
 from softseam_services.fem.elements import table

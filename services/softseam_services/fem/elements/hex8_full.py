@@ -1,7 +1,5 @@
 """Eight linear hexahedra a cell with 2^3 Gauss points: the textbook element, which locks in bending and near nu 1/2."""
 
-from __future__ import annotations
-
 from softseam_services.body.body import Floats
 from softseam_services.fem.elements import table
 from softseam_services.fem.elements.hexahedra import linear

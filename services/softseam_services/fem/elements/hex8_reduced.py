@@ -7,8 +7,6 @@ On a cube of edge l, where V |b|^2 = 3 l/2, that is the stiffness in bending of 
 material itself; `COEFFICIENT` = 0 leaves an element with 12 modes that cost nothing.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

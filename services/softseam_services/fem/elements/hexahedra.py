@@ -1,7 +1,5 @@
 """Reference elements: the cell as one quadratic hexahedron, or as eight linear ones, one an octant."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

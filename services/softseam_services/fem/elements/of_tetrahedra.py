@@ -4,8 +4,6 @@ With one volume ratio for all eight, the linear ones are F-bar-Patch (see `tet4_
 cell then has one constraint on volume for some four freedoms of its own, without that cure it has eight.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

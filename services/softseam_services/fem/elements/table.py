@@ -8,8 +8,6 @@ S vanishes on linear fields, so that it is free at rest and indifferent to rotat
 volume ratio of the group takes the place of det F, see kernels/mean_volume.py.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

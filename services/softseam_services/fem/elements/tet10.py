@@ -1,7 +1,5 @@
 """Six quadratic tetrahedra a cell with four points each."""
 
-from __future__ import annotations
-
 from softseam_services.body.body import Floats
 from softseam_services.fem.elements import table
 from softseam_services.fem.elements.tetrahedra import quadratic

@@ -1,7 +1,5 @@
 """48 linear tetrahedra a cell: the element of least order, which locks; for comparison."""
 
-from __future__ import annotations
-
 from softseam_services.body.body import Floats
 from softseam_services.fem.elements import table
 from softseam_services.fem.elements.tetrahedra import linear

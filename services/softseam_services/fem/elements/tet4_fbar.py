@@ -5,8 +5,6 @@ the patch, here in the form of an energy, so that the tangent is symmetric. It c
 stays as stiff as linear tetrahedra are.
 """
 
-from __future__ import annotations
-
 from softseam_services.body.body import Floats
 from softseam_services.body.lattice import OCTANT_NODES
 from softseam_services.fem.elements import table

@@ -6,8 +6,6 @@ diagonals of opposite faces are parallel, so neighbours fit. Octants are divided
 of the cell: the faces of a cell are alike on opposite sides, and no direction is preferred.
 """
 
-from __future__ import annotations
-
 from itertools import permutations
 
 import numpy as np

@@ -8,8 +8,6 @@ Equal steps give g = 2/3. History: x_past, v_past. One step makes an error of
 C(w) dt^3 times the third derivative,  C(w) = (1 + w)^2/(6 w (1 + 2 w))                                        (3)
 """
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 
 N_HISTORY = 2

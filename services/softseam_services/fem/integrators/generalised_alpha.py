@@ -12,8 +12,6 @@ Contact is closed at x1 (not at x_t), with a force that is constant over the ste
 History: a0; after a first step without one, its mean acceleration (v1 - v0)/dt.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

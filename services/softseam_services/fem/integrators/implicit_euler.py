@@ -5,8 +5,6 @@ A drag -a M v1 (Rayleigh's C = a M) leaves that form, with s = 1 + a dt:
 s M (x1 - x_hat)/dt^2 = F(x1),  x_hat = x0 + dt v0/s                                                           (2)
 """
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 
 

@@ -11,8 +11,6 @@ A drag -a M v_t, v_t = (x1 - x0)/dt, leaves that form, with s = 1 + a theta dt:
 s M (x1 - x_hat)/(theta dt^2) = F(x_t),  x_hat = x0 + dt v0/s                                                  (3)
 """
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 
 

@@ -1,7 +1,5 @@
 """Newmark's average acceleration, the trapezoidal rule: second order, dissipates nothing (`generalised_alpha`)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

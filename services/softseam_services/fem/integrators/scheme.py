@@ -6,8 +6,6 @@ with M's share [1/s^2] and x_hat from `begin`; share = parameters[0] is where in
 past is the length of the step that made the history [s], 0 where there is none; of statics, the share of the load.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from softseam_services.body.body import Floats

@@ -6,8 +6,6 @@ tools' way, and the share of it that a state carries is part of the state. Nothi
 it touches something, so a scene without any is refused.
 """
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 
 

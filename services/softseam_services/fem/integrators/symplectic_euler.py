@@ -7,8 +7,6 @@ Stable for h < 2/w, w the highest frequency of M^-1 K; a step is made of as many
 equations and so cannot close contacts or a seam: an oracle for the implicit ones, and quick on small soft bodies.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels.elements import subtract_forces

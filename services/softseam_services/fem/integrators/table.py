@@ -4,8 +4,6 @@ A row makes a `Scheme` of a `Setting`. The steppers are kernels (`scheme`); one 
 of them: a member of Newmark's family, HHT's or generalised-alpha's is `of_family` of its coefficients.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Anderson acceleration of corrections by a kept factor."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels.dot import dot

@@ -5,8 +5,6 @@ over (c = 0). So it is inside faces, with the r of tools/kernels/patch.py. There
 freedoms, and a gap of zero at all of them would flatten what curves within a cell (docs/decisions/43, 45).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels.contact import (

@@ -12,8 +12,6 @@ so that both share one loop: K = delta_ik L_ab + sum_q (A_q h_ia h_kb + B_q h_ka
 Cells that the body fills in part (fem/elements/cut.py), or that are no boxes, have tables of their own.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials.neo_hookean import volumetric

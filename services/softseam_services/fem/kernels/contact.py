@@ -43,8 +43,6 @@ with: all of it in a shorter time would throw the body off. There g is g - (1 - 
 d in (1), which leaves d_next = c D + (1 - pace (1 - c)) d.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -10,8 +10,6 @@ of which the second term is not symmetric. The last one only holds where the poi
 before: along e nothing resists, and what turns round at every iteration shall stop.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels.anderson import add_scaled

@@ -15,8 +15,6 @@ m . (x - X) - b, which follows from where it comes from and where it flies to: t
 Where a state is about to change, these are of the side that the run is on; `margin` says how near that is.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels.candidates import SEVERAL, find_holders, firmness, meets

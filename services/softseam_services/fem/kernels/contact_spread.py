@@ -4,8 +4,6 @@ A candidate has weights W at its point, where its force acts, and of the edges o
 where it meets a tool's edge (kernels/contact.py).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels.contact import EDGED, NORMAL, PRESSURE, TRACTION, acting_weight

@@ -6,8 +6,6 @@ of them, the entries (k, l) of the blocks of all pairs of nodes are W^T diag(D_k
 where every D is r I, added to the panels once.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels.cells import LANES

@@ -1,7 +1,5 @@
 """A sum of products, of which four go on at a time."""
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 
 

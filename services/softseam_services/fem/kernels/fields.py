@@ -1,7 +1,5 @@
 """Fields of a state, as a region tells them: stress of its cells, and forces on its surface's points."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels import elements

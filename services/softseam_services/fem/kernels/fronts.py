@@ -7,8 +7,6 @@ at places that are used again: they stay in the cache, and need a small part of 
 `tree` is a `tree.Tree`.
 """
 
-from __future__ import annotations
-
 from softseam_services.fem.kernels.lapack import product
 from softseam_services.fem.kernels.panel import ascend, descend, factor_panel, inverse_triangle
 from softseam_services.jit import njit

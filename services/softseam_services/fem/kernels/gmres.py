@@ -6,8 +6,6 @@ triangular column by column, so that what is left of b is known without x. The a
 columns are the right side, the rotations' cosines and their sines.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels.anderson import add_scaled

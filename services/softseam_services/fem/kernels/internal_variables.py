@@ -5,8 +5,6 @@ mean of its points' next states, by their shares and weights. work.material_stat
 work.material_dt its length; 0 to look at what the state is.
 """
 
-from __future__ import annotations
-
 from softseam_services.body.materials.prototype import RESPOND
 from softseam_services.jit import njit
 

@@ -4,8 +4,6 @@ f_ia = sum_g w_g P_ij g_a,j + sum_n k_n t_na d_ni,   d_n = sum_a t_na x_a = x_n 
 K_ia,kb = sum_g w_g g_a,j A_ij,kl g_b,l + delta_ik sum_n k_n t_na t_nb,   A = dP/dF                            (2)
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials.point import energy, stress, tangent

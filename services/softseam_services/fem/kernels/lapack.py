@@ -5,8 +5,6 @@ a kernel is loaded, so that kernels which call them can be cached on disk (a ker
 All matrices are column-major blocks of one flat float64 array. With the JIT off, numpy does the same work.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import llvmlite.binding

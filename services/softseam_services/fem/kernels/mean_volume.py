@@ -14,8 +14,6 @@ For (2) put I for F_bar in p, y, c and for H, theta = a = 1, and z = y, e = c, a
 Gauss-Newton's part, which is positive semi-definite where A_bar is, leaves out the terms in P_bar and p.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials.invariants import cofactor

@@ -8,8 +8,6 @@ old factor or a new one, leaves the sum of r zero: momentum is exact to rounding
 has contacts in it would not, so none of these outlives the last contact.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.integrators.scheme import begin

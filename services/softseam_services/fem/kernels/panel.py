@@ -9,8 +9,6 @@ All but the small D is done by matrix products: on blocks of this size LAPACK's 
 their speed.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels.lapack import apply, minus_square, product

@@ -6,8 +6,6 @@ v = sum_q w_q c_q : dF_q/dx and s = sum_q w_q e_q of the terms c, e with dJ_bar,
   v g^T + g v^T + s g g^T.                                                                                        (2)
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials.point import stress, tangent

@@ -12,8 +12,6 @@ c = w mu phi' at q and -sum_q c_q N_k(q) at k, both kinds counted as points p:
   g = dd_q = e'(J_q) h_q - sum_k N_k(q) e'(J_k) h_k                                                               (2)
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.body import Floats

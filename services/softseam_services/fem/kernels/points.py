@@ -6,8 +6,6 @@ psi at F_bar where a group of points has one volume ratio (kernels/mean_volume.p
 is 1 unless two elements share the cell. `rule` is a `fem.rule.Rule`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials.point import energy, stress

@@ -10,8 +10,6 @@ energy. What its change adds to the energy at the step's start is told.
 Cells that are joined to others (kernels/joints.py) stay: full quadrature has no group of octants.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels.cells import least_square_stretch

@@ -1,7 +1,5 @@
 """One step of a region, and everything that the reply reports."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.integrators.scheme import STATIC, SYMPLECTIC_EULER, begin, finish

@@ -17,8 +17,6 @@ equations f_t = 0 it must solve, and each step adds its own part of the loss: (2
 J is not factored: GMRES (kernels/gmres.py) solves with the symmetric factor of a step near by.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels.anderson import add_scaled

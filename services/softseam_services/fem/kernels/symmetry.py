@@ -5,8 +5,6 @@ or an angular momentum l about the origin, with the force or momentum p that is 
   -S l + 2 c e x S p                                                                                            (1)
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels.contact import ANCHOR, FORCE, SLIP_SO_FAR

@@ -6,8 +6,6 @@ Of other elements and laws, and of cells that are watched for lost volume, it is
 `_APART` of a cell edge, off by about 1e-10.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.fem.kernels.anderson import add_scaled

@@ -4,8 +4,6 @@ The thread is the operating system's (POSIX), started from compiled code: it nee
 sums do not depend on who makes them, so a factor is the same to the bit as that of one thread.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import sys

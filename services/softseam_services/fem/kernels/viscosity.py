@@ -27,8 +27,6 @@ which vanishes where the element has turned and stretched evenly. A group with o
 Points at less than a fifth of their volume when the step begins have none of their own in it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials.neo_hookean import J_MIN

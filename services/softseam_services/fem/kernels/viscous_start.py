@@ -1,7 +1,5 @@
 """What the viscosity of a step (kernels/viscosity.py, whose equations these are) knows of the step's start."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials.neo_hookean import J_MIN

@@ -1,7 +1,5 @@
 """Many pieces of one scene, stepped together: XPBD as `substep` has it, in float32, a piece a lane."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

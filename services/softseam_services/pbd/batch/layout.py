@@ -3,8 +3,6 @@
 A group has rows of a lane's own numbers, then of each tool, node, block and pair of a point and a tool, in this order.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 # Of a lane: constants of its blocks as in `kernels.block`, volume of a block, number of tools that it is near to.

@@ -1,7 +1,5 @@
 """Pieces in the memory of a graphics card, which steps them: CUDA, by numba-cuda."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

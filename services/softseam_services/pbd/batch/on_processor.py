@@ -1,7 +1,5 @@
 """Pieces in this processor's memory, and threads that step them."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What many pieces of one structure are made of, and how each one's numbers get into its lane."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -23,8 +23,6 @@ uses vector instructions. For the same reason constants come as a tuple (`hoist`
 mode) are tuples of scalars; stress goes by threes of rows, each with row c of P and component c of T (7 values).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

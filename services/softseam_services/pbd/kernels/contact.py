@@ -23,8 +23,6 @@ stay in the nodes' accelerations from one substep to the next, so at rest they a
 sticking point does not creep. On a block every point is one node and (1) is the exact local solution.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

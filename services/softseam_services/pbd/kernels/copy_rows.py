@@ -1,7 +1,5 @@
 """Copying without numba's checks of shapes, whose messages compile for seconds."""
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 
 

@@ -1,7 +1,5 @@
 """The displacement by which finite elements would correct PBD, by conjugate gradients without a matrix."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -24,8 +24,6 @@ it is stable for -1/3 < rho < 1. A block whose nodes are as light as its local s
 kappa >= 3/4                                                                                                   (4)
 """
 
-from __future__ import annotations
-
 from softseam_services.body.materials.point import LINEAR
 from softseam_services.jit import njit
 

@@ -1,7 +1,5 @@
 """Strain energy of each cell for read-out."""
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 
 from .block import ENERGY, VOLUME, gather, of_batch

@@ -1,7 +1,5 @@
 """Which side of a box a point faces: it touches that side while it is above it, and does not pass to the far side."""
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX
 from softseam_services.tools.kernels import box_gap, rotate_back

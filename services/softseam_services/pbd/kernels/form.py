@@ -17,8 +17,6 @@ Rows are those of the workspace from FORM on; the first ones are laid out as `bl
 TWIST_OF_FORM takes the place of the edges, and PLANE that of pairs, shear and twist.
 """
 
-from __future__ import annotations
-
 from softseam_services.body.materials.prototype import MAX_PARAMETERS
 
 from .lanes import LANES, lane_kernel, move_four

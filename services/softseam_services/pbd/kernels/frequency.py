@@ -1,7 +1,5 @@
 """The highest frequency of a region at rest, which bounds the substep."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -4,8 +4,6 @@ They are kept as GAP of `pairs`: the signed distance [m] and the normal out of t
 followed on its way (`swept_gap`), so that it does not pass to the far side of a thin tool.
 """
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, PLANE
 from softseam_services.tools.kernels import box_gap, patch_press, rotate, rotate_back, swept_gap

@@ -7,8 +7,6 @@ a symmetric, positive definite system of nine. Exact where `block`'s is an estim
 Blocks of a material with internal state have psi and P of their law's `respond`, see `memory`; its A counts as it is.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials import point

@@ -1,7 +1,5 @@
 """Nodes that hang on others, see `levels`: they follow once a step, for nothing within a step looks at them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -8,8 +8,6 @@ which is implicit Euler's at D = 1 and negative below D = 1/2. So a node counts 
 what sticks is held in all directions; what slides is held in one of three by each tool.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

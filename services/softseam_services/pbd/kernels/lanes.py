@@ -6,8 +6,6 @@ still on their way to the cache; so they are told to the compiler as the vectors
 C-contiguous, and indexed as if flat; nothing checks the bounds.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The stress and the energy of the blocks in a workspace, by the material's law."""
 
-from __future__ import annotations
-
 from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
 from softseam_services.jit import njit
 

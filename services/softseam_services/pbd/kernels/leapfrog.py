@@ -16,8 +16,6 @@ Damping at the rate r per mass takes the velocity in the middle of a kick:
 Tools and seams are the sweeps': here nothing is solved for that could hold them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

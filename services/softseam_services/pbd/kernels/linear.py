@@ -1,7 +1,5 @@
 """Energy, stress and local solve of the block constraint for small strain; rows as in `block`."""
 
-from __future__ import annotations
-
 from .block import (
     BOUND,
     ENERGY,

@@ -4,8 +4,6 @@
 of what lies beyond them, which goes along as one.
 """
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 
 from .hanging import follow

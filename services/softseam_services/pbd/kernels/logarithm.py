@@ -1,7 +1,5 @@
 """The natural logarithm from operations that vectorise; the library's is called number by number."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .lanes import lane_kernel

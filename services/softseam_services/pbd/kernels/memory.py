@@ -11,8 +11,6 @@ to the state what it does in FEM, whose law sees the same two ends: of parts bes
 other. `law` is the address of the law's `respond`. What hourglass modes store stays elastic, and does not fade.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials.prototype import RESPOND

@@ -1,7 +1,5 @@
 """How far the stress that blocks apply is from what their shapes ask for, and how far they are stretched."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials.point import LINEAR

@@ -1,7 +1,5 @@
 """Energy, stress and local solve of the block constraint for the neo-Hookean energy; equations are those of `block`."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials.neo_hookean import J_MIN

@@ -35,8 +35,6 @@ node, as on a block), DEEP 1 (some point was inside the tool), EDGED 1 (contact 
 start[t] .. start[t + 1] belong to tool t.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -1,7 +1,5 @@
 """Edges of the patches inside faces of blocks that tools with edges press, by which these are felt in part."""
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 
 

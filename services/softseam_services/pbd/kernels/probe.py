@@ -1,7 +1,5 @@
 """Response of a region to small forces on its seam, column by column, by the same sweeps as the step's."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -1,7 +1,5 @@
 """The constraint solve of one substep: contacts, then sweeps each followed by contacts."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

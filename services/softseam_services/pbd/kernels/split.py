@@ -1,7 +1,5 @@
 """Contact forces that were handed over with one tool a point, shared out among all tools that the point touches."""
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 from softseam_services.tools.kernels import tool_gap
 

@@ -1,7 +1,5 @@
 """Cauchy stress of each octant for read-out."""
 
-from __future__ import annotations
-
 from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
 from softseam_services.jit import njit
 

@@ -5,8 +5,6 @@ x* = x + h v + h^2 (g + a_seam + A);  sweep from x*;  A += (x - x*)/h^2;  v = (x
 which is v += h (g + a_seam + A) with the new A: the mean of the substeps' contact forces times dt is their impulse.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

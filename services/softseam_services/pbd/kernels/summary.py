@@ -1,7 +1,5 @@
 """What a step reports: energies, momenta, bounds and contact figures at its end."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

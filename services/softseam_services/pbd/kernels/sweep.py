@@ -1,7 +1,5 @@
 """Gauss-Seidel over all blocks, batch after batch; and the exact stress and energy of the same blocks."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN

@@ -10,8 +10,6 @@ The count `team` (TEAM,) int64 says at COUNT: the stretch and, of its items left
 DONE + LINE: items that each thread has done in this step. Alone, team[ALONE] is 1 and none of it is used.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How tools move within a step, and the points that are fixed to them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -6,8 +6,6 @@ of neighbours, so that a tile's particles stay in the cache while all its colour
 sweep goes through the body once, not once a colour. A batch is filled up with lanes that hold nothing.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """XPBD's matrix for the multipliers of all constraints of a body of particles, as they stand; see `pbd.spectrum`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

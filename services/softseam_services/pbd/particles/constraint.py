@@ -1,7 +1,5 @@
 """What a constraint between particles is: whom it joins, and the function C whose energy is 1/2 C^2/compliance."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

@@ -5,8 +5,6 @@ by the places x (k, 3); its energy is 1/2 C^2/compliance. It is compiled alone, 
 (`kernels.constraint`) calls it by its address (`jit`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

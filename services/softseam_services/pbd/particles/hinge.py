@@ -20,8 +20,6 @@ as much: it bends where it is softest. A curvature k at rest is that of a cylind
 asin(k a/2).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.scene.particles import HingeSpec

@@ -1,8 +1,6 @@
 """The structure of a body of particles: which of them each constraint joins, in batches. Never changed, so it is
 shared."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The numbers of a body of particles: masses, lengths and compliances of its constraints, contact, tools."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

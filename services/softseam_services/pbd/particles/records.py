@@ -1,7 +1,5 @@
 """What kernels of particles take by reference: structure, parameters, inputs, scratch and what comes out."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The PBD participant's solver for a body of particles: tentative steps, grips, fields, snapshots."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

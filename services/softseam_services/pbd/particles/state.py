@@ -1,7 +1,5 @@
 """Everything of a body of particles that evolves, in one buffer: to copy it is one copy, a snapshot is its bytes."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

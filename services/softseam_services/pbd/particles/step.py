@@ -1,7 +1,5 @@
 """One step of a body of particles, and how well its constraints are met after it."""
 
-from __future__ import annotations
-
 import math
 from enum import Enum
 from typing import NamedTuple

@@ -4,8 +4,6 @@ The textbook's mapping, with units (docs/guide/sheets-and-ropes.md): a spring ha
 V_0/K [m^3/Pa]; a strain, which has no unit, 1/(modulus times volume) [1/J].
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

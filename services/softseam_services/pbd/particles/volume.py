@@ -4,8 +4,6 @@ Gradients: grad_1 = (x_2 - x_0) x (x_3 - x_0)/6 and so on in turn, grad_0 = -(gr
 modulus K the energy is 1/2 K V_0 (V/V_0 - 1)^2 = 1/2 C^2/alpha with alpha = V_0/K [m^3/Pa].
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.scene.particles import VolumeSpec

@@ -1,7 +1,5 @@
 """How far tools go in a step, and how near they are, for every participant."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

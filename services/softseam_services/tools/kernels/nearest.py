@@ -1,7 +1,5 @@
 """Where triangles are nearest to a tool, by branch and bound: see tools/approach.py."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -18,8 +18,6 @@ So a patch is let go by and by as an edge passes, and turns as it is pressed in 
 energy of places: what a tool puts in it gets back. Where a tool lies flat on all of a patch, its corners tell.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

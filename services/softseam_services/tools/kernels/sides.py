@@ -1,8 +1,6 @@
 """Sides of a box, and gaps to their planes. A side is axis, or axis + 3 for the one whose outward normal is along
 +axis."""
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 from softseam_services.shapes.turns import rotate, rotate_back
 

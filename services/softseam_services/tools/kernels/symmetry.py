@@ -3,8 +3,6 @@
 A plane at c across an axis e takes a place x to S x + 2 c e, S = 1 - 2 e e^T.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

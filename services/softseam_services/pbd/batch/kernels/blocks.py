@@ -1,7 +1,5 @@
 """Blocks of a group, one after the other, each of all lanes."""
 
-from __future__ import annotations
-
 from softseam_services.pbd.batch.layout import (
     N_OF_BLOCK,
     N_OF_NODE,

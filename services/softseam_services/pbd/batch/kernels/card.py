@@ -4,8 +4,6 @@ One thread block a group of 32 pieces; its warps share out the blocks of a colou
 threads are the pieces.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Rows of pieces into the memory of a graphics card, and back."""
 
-from __future__ import annotations
-
 from .card import LANES, cuda
 
 

@@ -1,7 +1,5 @@
 """Contacts of a group: which points may touch, and the force of those that do."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.pbd.batch.layout import (

@@ -1,7 +1,5 @@
 """A step of one group of pieces, all its lanes together, on a processor."""
 
-from __future__ import annotations
-
 from softseam_services.pbd.batch.layout import (
     CONSTANTS,
     FORCE,

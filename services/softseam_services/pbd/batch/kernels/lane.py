@@ -4,8 +4,6 @@
 of a pair, as in `kernels.pairs`, from N_COLUMNS on its tool. `s` is a group, its lanes WIDE apart.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.pbd.batch.layout import OLD, POSITION, SOFTNESS, STAR, TURN, WAY, WEIGHTS, A, V, W, X

@@ -1,7 +1,5 @@
 """`group.advance_groups` for a processor: float32, as many lanes as a vector register holds."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

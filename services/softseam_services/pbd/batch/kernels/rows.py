@@ -1,7 +1,5 @@
 """Rows of a group into those of a workspace, and back."""
 
-from __future__ import annotations
-
 from softseam_services.pbd.batch.layout import (
     N_OF_NODE,
 )

@@ -5,8 +5,6 @@ solved at once. Quadratic in x: nothing is divided by a length or an angle, so a
 one are alike (Bergou et al. 2006; the coefficients of a hinge of two triangles are in `hinge_coefficients`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -1,7 +1,5 @@
 """Greedy colouring of constraints that share no particle, tile by tile."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -5,8 +5,6 @@ With energy 1/2 C^2/alpha (Macklin et al. 2016, "XPBD", eq. 18):
 One that holds on one side only, C <= 0, keeps lambda <= 0: it pulls C down and pushes never.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import Prototype, njit

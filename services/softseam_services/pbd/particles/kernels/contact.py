@@ -6,8 +6,6 @@ mu N, with T against the way that the particle made relative to the tool's mater
 particle sticks exactly, a sliding one is braked by mu N. The force of the substep is mass/h^2 (N n + T).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -1,7 +1,5 @@
 """Corners of constraints: between particles and the workspace's rows four lanes at a time, or edges of one lane."""
 
-from __future__ import annotations
-
 from softseam_services.pbd.kernels.lanes import lane_kernel, transpose_four
 
 CORNER = 32

@@ -3,8 +3,6 @@
 As a spring of stiffness k the compliance is alpha = 1/k [m/N].
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.pbd.kernels.lanes import batch_kernel, move_four

@@ -1,7 +1,5 @@
 """Grippers: tools that hold particles where they took them, in the tool's own frame."""
 
-from __future__ import annotations
-
 from softseam_services.jit import njit
 from softseam_services.pbd.kernels.lanes import four, three
 from softseam_services.tools.kernels import rotate, rotate_back, tool_gap

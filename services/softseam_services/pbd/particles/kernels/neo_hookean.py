@@ -9,8 +9,6 @@ the stiffness mu is multiplied with min(1, F:F), which makes mu/4 (1 + (F:F)^2) 
 tetrahedra crushed from all sides; and what is a point is pushed as if it were SEED of its size.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

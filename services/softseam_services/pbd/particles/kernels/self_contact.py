@@ -5,8 +5,6 @@ cubes' hash (Teschner et al. 2003, "Optimized spatial hashing"), so that the ord
 Neighbours on the sheet are left out: springs hold them apart.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -6,8 +6,6 @@ of St. Venant-Kirchhoff, V (mu E:E + lambda/2 (tr E)^2), with the compliances 1/
 f_b d_ka) with f_a the columns of F and d_k the rows of D_m^-1; that of x_0 is minus their sum.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

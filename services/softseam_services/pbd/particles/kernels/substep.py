@@ -5,8 +5,6 @@ A substep of length h (Macklin et al. 2019, "Small steps in physics simulation")
 Multipliers begin at zero in each substep.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

@@ -1,7 +1,5 @@
 """Deformation of a tetrahedron: F = D_s D_m^-1 with the edges x_k - x_0 as columns of D_s, those at rest of D_m."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

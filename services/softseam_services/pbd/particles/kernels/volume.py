@@ -6,8 +6,6 @@ tetrahedron in place of a balloon's):
     d lambda = -k C/sum w_i |grad_i|^2,  x_i += w_i d lambda grad_i                                                (1)
 """
 
-from __future__ import annotations
-
 from softseam_services.pbd.kernels.lanes import batch_kernel, move_four
 from softseam_services.pbd.kernels.neo_hookean import cofactors
 
