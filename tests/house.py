@@ -158,7 +158,7 @@ COUNTS = (
     Count(
         "lines of a participant from outside",
         lambda sources: lines(sources, "clients/softseam/examples/participant/"),
-        136,
+        134,
         150,
     ),
     Count("files that are too long", long_files, 0, 0),

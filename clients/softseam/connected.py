@@ -87,7 +87,7 @@ class ConnectedBackend:
             raise
 
     def doubts(self, scene: Scene) -> list[str]:
-        from softseam.doubts import doubts
+        from softseam.checks import doubts
 
         return doubts(scene, {})  # bodies are built elsewhere
 

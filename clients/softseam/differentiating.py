@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from softseam.embedded import pull, push, roll_out
 from softseam.errors import BadInput
 from softseam.gradient import Crossed, Floats, Gradient, checked_slope
 from softseam.losses import Loss, Run
@@ -27,9 +28,6 @@ def differentiate(
     near: float,
 ) -> Gradient:
     """The gradient of a loss of a run from the start of the scene. Raises BadInput, and what the services raise."""
-    from softseam_services.orchestrator.gradient import pull
-    from softseam_services.orchestrator.rollout import roll_out
-
     _check_body(simulation, names)
     began = perf_counter()
     rollout = roll_out(simulation, commands, steps)
@@ -52,11 +50,8 @@ def forces_with_slopes(
 
     directions: changes of Young's modulus [Pa], and of tools' friction [1]. Raises what the services raise
     """
-    from softseam_services.orchestrator.gradient import Direction, push
-    from softseam_services.orchestrator.rollout import roll_out
-
     rollout = roll_out(simulation, None, None)
-    return _run_of(simulation, rollout), push(simulation, rollout, [Direction(*each) for each in directions])
+    return _run_of(simulation, rollout), push(simulation, rollout, directions)
 
 
 def _check_body(simulation: Simulation, names: Sequence[str]) -> None:

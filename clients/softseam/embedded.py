@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from fnmatch import fnmatch
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import softseam_protocol
+from softseam import checks
 from softseam.errors import BadInput, BadSnapshot, SceneRefused, SimulationFailed, missing_extra
 from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
@@ -24,25 +22,28 @@ from softseam_protocol.scene.file import SceneError, scene_from_bundle
 from softseam_protocol.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from softseam.gradient import Gradient
+    from softseam.gradient import Floats, Gradient
     from softseam.losses import Loss
+    from softseam_services.described import Described
+    from softseam_services.orchestrator.gradient import Pulled
+    from softseam_services.orchestrator.preview import Preview
+    from softseam_services.orchestrator.rollout import Rollout
     from softseam_services.orchestrator.simulation import Simulation
     from softseam_services.recorder.recorder import McapRecorder
 
 Message = StepReport | Frame | Event
+SIMULATING = "simulating in this process"
 
 
 class EmbeddedBackend:
     """Runs FEM, PBD and the orchestrator by direct calls, and records from here if asked."""
 
     def __init__(self, bundle: Bundle, *, record: Path | None = None) -> None:
-        try:
+        with translated(purpose=SIMULATING):
             from softseam_services.orchestrator import client_view
             from softseam_services.orchestrator.embedded import EmbeddedTransport
             from softseam_services.orchestrator.simulation import Simulation
             from softseam_services.tables import check_tables
-        except ImportError as error:
-            raise missing_extra(error, "simulating in this process") from error
         self._view = client_view  # of steps: to import it in each would take as long as a message
         self._events: list[Event] = []
         self._bundle = bundle
@@ -58,11 +59,13 @@ class EmbeddedBackend:
             load_first(self.simulation)
 
     def doubts(self, scene: Scene) -> list[str]:
-        from softseam.doubts import doubts
+        from softseam_services.checks import doubts, size_of
         from softseam_services.server import Setup
 
-        bodies, tools = self.simulation.bodies, self.simulation.tools
-        return doubts(scene, {name: Setup(one.scene, one.body, tools) for name, one in bodies.items()})
+        tools = self.simulation.tools
+        setups = {name: Setup(one.scene, one.body, tools) for name, one in self.simulation.bodies.items()}
+        with translated():
+            return checks.doubts(scene, {name: (size_of(setup), doubts(setup)) for name, setup in setups.items()})
 
     def reset(self, seed: int, bundle: Bundle | None = None) -> Observation:
         self._stop_recording()
@@ -247,7 +250,7 @@ def compile_models(models: Iterable[ModelKind]) -> None:
     try:
         from softseam_services.warm_up import compile_side_by_side, never_compiled
     except ImportError as error:
-        raise missing_extra(error, "simulating in this process") from error
+        raise missing_extra(error, SIMULATING) from error
     fresh = [model for model in sorted(models) if never_compiled(model)]
     if fresh:
         if sys.stderr.isatty():
@@ -277,44 +280,69 @@ def tell_of_derivatives() -> None:
 @contextmanager
 def compile_clock() -> Iterator[Callable[[], tuple[float, float]]]:
     """How much wall and processor time [s] numba has spent on kernels since the context began, when asked."""
-    try:
+    with translated(purpose=SIMULATING):
         from softseam_services.jit.compile_clock import CompileClock
-    except ImportError as error:
-        raise missing_extra(error, "simulating in this process") from error
     with CompileClock() as clock:
         yield lambda: (clock.wall_so_far, clock.cpu)
 
 
-_APART = (
-    "softseam_protocol/bus/*.py",
-    "softseam_protocol/publish.py",
-    *(f"softseam_protocol/participant/{name}.py" for name in ("handler", "serve", "state")),
-    *(f"softseam_protocol/participant/{name}.py" for name in ("part", "part_mesh", "part_solver")),
-    *(f"softseam_services/{name}.py" for name in ("__main__", "bus_options", "child", "health", "launch", "lifeline")),
-    *(f"softseam_services/{name}.py" for name in ("participant_service", "progress", "router", "supervisor")),
-    *(
-        f"softseam_services/orchestrator/{name}.py"
-        for name in ("bus_transport", "client_liveness", "client_session", "singleton")
-    ),
-    *(f"softseam_services/orchestrator/{name}.py" for name in ("recorder_feed", "service")),
-    "softseam_services/recorder/*.py",
-)
-"""sources that a simulation in this process never loads: the bus, processes, others' solvers, recordings"""
-
-
 def solver_digest() -> str:
     """Digest of every source that a simulation's numbers may depend on: with another digest, perhaps other numbers."""
-    try:
-        from softseam_services.kernel_cache import kernel_packages
-    except ImportError as error:
-        raise missing_extra(error, "simulating in this process") from error
-    digest = hashlib.sha256()
-    for package in (*kernel_packages(), Path(softseam_protocol.__file__).parent):
-        for path in sorted(package.rglob("*.py")):
-            name = f"{package.name}/{path.relative_to(package).as_posix()}"
-            if not any(fnmatch(name, apart) for apart in _APART):
-                digest.update(name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()
+    with translated(purpose=SIMULATING):
+        from softseam_services.source_digest import source_digest
+
+        return source_digest()
+
+
+def describe(bundle: Bundle) -> dict[str, Described]:
+    """What the bodies of a scene are before anything is simulated. Raises SceneRefused."""
+    with translated(purpose="checking a mesh"):
+        from softseam_services import described
+
+        return described.describe(bundle)
+
+
+def conditions(bundle: Bundle, start: Mapping[str, Frame], end: Mapping[str, Frame]) -> dict[str, Any]:
+    """Condition numbers of the bodies that XPBD moves, from their fields at the start and at the end of a run."""
+    with translated(purpose="condition numbers"):
+        from softseam_services.pbd import conditions
+
+        return conditions.conditions(bundle, start, end)
+
+
+def preview(bundle: Bundle) -> tuple[Scene, Preview]:
+    """A scene, and where its motion takes its tools. Raises SceneRefused."""
+    with translated(purpose="drawing a scene"):
+        from softseam_services.orchestrator.preview import preview
+        from softseam_services.server import build_setup
+
+        scene = scene_from_bundle(bundle)
+        setups = {name: build_setup(bundle, name) for name in scene.bodies}
+        tools = next(iter(setups.values())).tools
+        return scene, preview(scene, {name: setup.body for name, setup in setups.items()}, tools)
+
+
+def roll_out(
+    simulation: Simulation, commands: Sequence[Mapping[str, Sequence[float]]] | None, steps: int | None
+) -> Rollout:
+    """A run from the start of the scene, of which every step is kept. Raises what the services raise."""
+    from softseam_services.orchestrator import rollout
+
+    return rollout.roll_out(simulation, commands, steps)
+
+
+def pull(simulation: Simulation, run: Rollout, force: Floats, positions: Floats, near: float) -> Pulled:
+    """Derivatives of a loss, from those by forces on tools and by positions."""
+    from softseam_services.orchestrator import gradient
+
+    return gradient.pull(simulation, run, force, positions, near)
+
+
+def push(simulation: Simulation, run: Rollout, directions: Sequence[tuple[float, Mapping[str, float]]]) -> Floats:
+    """How forces on tools change along directions; see `differentiating`."""
+    from softseam_services.orchestrator import gradient
+
+    return gradient.push(simulation, run, [gradient.Direction(*each) for each in directions])
 
 
 def halt(on: bool) -> None:
@@ -330,15 +358,18 @@ class translated:  # reads as the function that it is used as
     """A context that turns what the services raise into the client's errors.
 
     opening  what a participant finds wrong is the scene's
+    purpose  what the services are imported for in it, which MissingExtra names where this installation lacks them
     """
 
-    def __init__(self, opening: bool = False) -> None:
-        self._opening = opening
+    def __init__(self, opening: bool = False, purpose: str = "") -> None:
+        self._opening, self._purpose = opening, purpose
 
     def __enter__(self) -> None:
         pass
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, ImportError) and self._purpose:
+            raise missing_extra(error, self._purpose) from error
         if error is not None:
             _translate(error, self._opening)
 

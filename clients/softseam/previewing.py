@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-from softseam.embedded import translated
+from softseam.embedded import preview
 from softseam.errors import missing_extra
 from softseam.outputs import cannot_write, check_ending
 from softseam_protocol.messages.participant import Bundle
-from softseam_protocol.scene.file import scene_from_bundle
 
 
 def draw_preview(bundle: Bundle, path: Path) -> Path:
@@ -18,15 +17,9 @@ def draw_preview(bundle: Bundle, path: Path) -> Path:
     check_ending("picture", path, ".png", "a picture")
     try:
         from softseam.view.scene_picture import draw_scene
-        from softseam_services.orchestrator.preview import preview
-        from softseam_services.server import build_setup
     except ImportError as error:
         raise missing_extra(error, "drawing a scene") from error
-    with translated():
-        scene = scene_from_bundle(bundle)
-        setups = {name: build_setup(bundle, name) for name in scene.bodies}
-        bodies = {name: setup.body for name, setup in setups.items()}
-        ahead = preview(scene, bodies, next(iter(setups.values())).tools)
+    scene, ahead = preview(bundle)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         return draw_scene(scene, ahead.surfaces, ahead.position, ahead.orientation, ahead.touch, path)

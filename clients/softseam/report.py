@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam.checks import not_done
 from softseam.choice import choices
 from softseam.columns import TOTAL, Columns, spent, unit_of
-from softseam.not_done import not_done
 from softseam.outputs import cannot_write
 from softseam.rounding import Rounding
 from softseam.symmetric import symmetric

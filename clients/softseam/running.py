@@ -18,8 +18,7 @@ from softseam.claims.estimate import Estimate
 from softseam.claims.voice import speak
 from softseam.closing import print_closing
 from softseam.commands import planner
-from softseam.condition import conditions
-from softseam.embedded import compile_clock
+from softseam.embedded import compile_clock, conditions
 from softseam.errors import BadInput, SoftseamError
 from softseam.observation import Observation
 from softseam.opening import open as open_session

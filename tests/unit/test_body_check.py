@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import pytest
 
+from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
-from softseam_services.body.build import build_body
-from softseam_services.body.check import BodyCheck, check_body
+from softseam_services.body.body import Body
+from softseam_services.body.check import check_body
+from softseam_services.checks import doubts
+from softseam_services.server import Setup, build_setup
 
 
-def check(cell: object = 0.025, **material: float) -> BodyCheck:
+def setup(cell: object = 0.025, **material: float) -> Setup:
     body = {
         "shape": {"kind": "block", "size": [0.05, 0.05, 0.05]},
         "cell": cell,
         "material": {"young": 2e4, "poisson": 0.3, "density": 1000, **material},
     }
     scene = Scene.model_validate({"softseam": 1, "name": "c", "duration": 1.0, "body": body})
-    return check_body(build_body(scene, {}))
+    return build_setup(bundle_scene(scene, {}))
 
 
 def test_a_sound_block() -> None:
-    result = check()
-    assert result.warnings == ()
+    body = setup().body
+    assert isinstance(body, Body)
+    result = check_body(body)
+    assert not doubts(setup())
     assert result.n_cells == result.full_cells == 8
     assert result.n_nodes == 125
     assert result.n_points == result.n_contact_points == 98
@@ -44,4 +49,4 @@ def test_a_sound_block() -> None:
     ],
 )
 def test_what_is_odd_is_said(cell: float | list[float], material: dict[str, float], words: str) -> None:
-    assert any(words in warning for warning in check(cell, **material).warnings)
+    assert any(words in warning for warning in doubts(setup(cell, **material)))

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from softseam.condition import sentence
 from softseam.recording import Recording
 from softseam.running import Wishes, run
+from softseam_services.pbd.conditions import sentence
 
 SHORT = ("motion=[]", "duration=0.05")
 BLOCK = (

@@ -13,7 +13,7 @@ from rich.console import Console
 
 import softseam
 from softseam.checking import check_scene
-from softseam.doubts import doubts
+from softseam.checks import doubts
 from softseam.running import Wishes, run
 from softseam_protocol.scene.file import load_scene
 

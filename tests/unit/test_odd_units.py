@@ -6,11 +6,15 @@ from typing import Any
 
 import pytest
 
-from softseam.odd_motion import odd_motion
-from softseam.odd_units import odd_units
+from softseam.checks import doubts
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.motion import TurnPhase
 from softseam_protocol.scene.scene import Scene
+
+
+def told_of(one: Scene, size: float) -> list[str]:
+    """Of a scene whose body has this extent [m]."""
+    return doubts(one, {"body": (size, ())})
 
 
 def scene(**changes: Any) -> Scene:
@@ -42,13 +46,13 @@ def scene(**changes: Any) -> Scene:
 )
 def test_gravity_in_millimetres(gravity: list[float], words: str) -> None:
     """The earth's, the moon's; but not Jupiter's."""
-    told = odd_units(scene(gravity=gravity), 0.05)
+    told = told_of(scene(gravity=gravity), 0.05)
     assert [text.startswith(words) for text in told] == [True] if words else not told
 
 
 @pytest.mark.parametrize(("speed", "told"), [(500.0, True), (2000.0, True), (120.0, True), (20.0, False), (0.0, False)])
 def test_speeds_in_millimetres(speed: float, told: bool) -> None:
-    found = odd_units(scene(body={"velocity": [0.0, 0.6 * speed, -0.8 * speed]}), 0.05)
+    found = told_of(scene(body={"velocity": [0.0, 0.6 * speed, -0.8 * speed]}), 0.05)
     assert bool(found) == told and all("in m/s, not in mm/s?" in text for text in found)
 
 
@@ -69,19 +73,19 @@ def test_speeds_in_millimetres(speed: float, told: bool) -> None:
 )
 def test_tools_in_millimetres(tool: dict[str, Any], words: str) -> None:
     """A table of two metres and a plane far below are none."""
-    told = odd_units(scene(tools={"finger": tool}), 0.05)
+    told = told_of(scene(tools={"finger": tool}), 0.05)
     assert [text.startswith(words) for text in told] == [True] if words else not told
 
 
 def test_a_large_body_has_large_tools() -> None:
     tool = {"kind": "box", "size": [8, 8, 0.1], "position": [0, 0, -0.05]}
-    assert odd_units(scene(tools={"belt": tool}), 0.05) and not odd_units(scene(tools={"belt": tool}), 0.2)
+    assert told_of(scene(tools={"belt": tool}), 0.05) and not told_of(scene(tools={"belt": tool}), 0.2)
 
 
 @pytest.mark.parametrize(("friction", "told"), [(50.0, True), (6.0, True), (4.0, False), (0.0, False)])
 def test_friction_in_percent(friction: float, told: bool) -> None:
     tool = {"kind": "box", "size": [0.01, 0.06, 0.06], "position": [-0.043, 0, 0.03], "friction": friction}
-    found = odd_units(scene(tools={"finger": tool, "floor": {"kind": "plane", "friction": friction}}), 0.05)
+    found = told_of(scene(tools={"finger": tool, "floor": {"kind": "plane", "friction": friction}}), 0.05)
     words = f"friction: {friction:g} is more than any materials have"
     assert [text.split(".")[1] for text in found if words in text] == (["finger", "floor"] if told else [])
 
@@ -105,20 +109,20 @@ FINGER = {"kind": "box", "size": [0.01, 0.06, 0.06], "position": [-0.043, 0, 0.0
 )
 def test_gravity_that_no_plane_stands_against(changes: dict[str, Any], told: bool) -> None:
     """Up, and along y as where y points up; a slope holds, and so may a shelf, a clamp, or a throw from above."""
-    found = odd_units(scene(**{"tools": {"ground": {"kind": "plane"}}, **changes}), 0.05)
+    found = told_of(scene(**{"tools": {"ground": {"kind": "plane"}}, **changes}), 0.05)
     assert [text.startswith("gravity: it pulls the body along every plane") for text in found] == [True] * told
 
 
 @pytest.mark.parametrize(("turn", "told"), [([0, 0, 45], True), ([0, -90, 0], True), ([3, 3, 3], False)])
 def test_turns_in_degrees(turn: list[float], told: bool) -> None:
     """Of tools as they begin, by the length of axis times angle."""
-    found = odd_units(scene(tools={"finger": {**FINGER, "rotation": turn}}), 0.05)
+    found = told_of(scene(tools={"finger": {**FINGER, "rotation": turn}}), 0.05)
     assert bool(found) == told and all(text.startswith("tools.finger.rotation: ") for text in found)
 
 
 @pytest.mark.parametrize(("mass", "told"), [(100.0, True), (350.0, True), (5.0, False)])
 def test_masses_in_grams(mass: float, told: bool) -> None:
-    found = odd_units(scene(tools={"finger": {**FINGER, "mass": mass}}), 0.05)
+    found = told_of(scene(tools={"finger": {**FINGER, "mass": mass}}), 0.05)
     assert [text.startswith(f"tools.finger.mass: {mass:g} kg") for text in found] == [True] * told
 
 
@@ -144,7 +148,7 @@ def gripped(**changes: Any) -> Scene:
 )
 def test_times_in_milliseconds_and_forces_in_millinewtons(changes: dict[str, Any], words: str) -> None:
     """A block of 5 cm and 20 kPa is squeezed to half by some 50 N on a whole side."""
-    told = odd_motion(gripped(**changes), 0.05)
+    told = told_of(gripped(**changes), 0.05)
     assert [text.startswith(words) for text in told] == [True] if words else not told
 
 
@@ -166,5 +170,5 @@ def test_turns_of_a_law_that_knows_none(kind: str, spin: float, turn: float, tol
     phases = (
         [*held.motion, TurnPhase(tools=("left", "right"), turn=(0.0, 0.0, turn), speed=1.0)] if turn else held.motion
     )
-    found = odd_motion(of.model_copy(update={"motion": tuple(phases)}), 0.05)
+    found = told_of(of.model_copy(update={"motion": tuple(phases)}), 0.05)
     assert [text.startswith(told) for text in found] == [True] if told else not found

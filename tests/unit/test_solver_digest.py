@@ -11,8 +11,8 @@ import pytest
 
 import softseam_protocol
 import softseam_services
-from softseam import embedded
 from softseam.embedded import solver_digest
+from softseam_services import source_digest
 
 PROGRAM = """
 import sys
@@ -34,7 +34,7 @@ def sources() -> set[str]:
 
 
 def apart(names: set[str]) -> set[str]:
-    return {name for name in names if any(fnmatch(name, pattern) for pattern in embedded._APART)}
+    return {name for name in names if any(fnmatch(name, pattern) for pattern in source_digest.APART)}
 
 
 @pytest.mark.slow
@@ -46,7 +46,7 @@ def test_what_is_left_out_is_not_loaded_by_a_simulation() -> None:
     assert len(loaded) > 150 and not apart(loaded)
 
 
-@pytest.mark.parametrize("pattern", embedded._APART)
+@pytest.mark.parametrize("pattern", source_digest.APART)
 def test_all_that_is_left_out_is_there(pattern: str) -> None:
     assert any(fnmatch(name, pattern) for name in sources())
 

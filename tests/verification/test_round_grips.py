@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from softseam.doubts import doubts
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.scene import Scene
+from softseam_services.checks import doubts
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.server import build_setup
@@ -56,7 +56,7 @@ def bundle(scene: Scene) -> Bundle:
 
 def told(scene: Scene) -> list[str]:
     """What is said of round tools before the run."""
-    found = doubts(scene, {"body": build_setup(bundle(scene), "body")})
+    found = doubts(build_setup(bundle(scene), "body"))
     return [text for text in found if text.startswith(WORDS)]
 
 

@@ -15,3 +15,8 @@ class FrictionFieldSpec(Spec):
         description="distance over which it varies: so far apart the correlation of its logarithm is exp(-1/2) [m]"
     )
     seed: int = Field(default=0, ge=0, description="another seed gives another field of this spread and length")
+
+    @property
+    def in_words(self) -> str:
+        """How friction varies over the body."""
+        return f"varies by {100.0 * self.spread:.3g} % over {1e3 * self.length:.3g} mm (seed {self.seed})"

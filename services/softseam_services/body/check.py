@@ -1,24 +1,15 @@
-"""What a body looks like before anything is simulated: sizes, masses, fills, and what is worth a warning."""
+"""What a body looks like before anything is simulated: sizes, masses, fills."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from softseam_services.body.body import Body, Material
+from softseam_services.body.body import Body
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.own_shapes import cell_volumes
 from softseam_services.body.surface_check import enclosed_volume, triangle_areas
 
 _SLIVER = 0.02
-_SOFTEST = 100.0
-"""the softest gels that stand [Pa]; 20 or 50 are likely kPa"""
-_STRETCHED = 3.0
-_INCOMPRESSIBLE = 0.495
-_COARSE = 8
-_SMALL, _LARGE = 1e-3, 5.0
-"""extent of what tools press [m]"""
-_SINKS = 0.5
-"""rho g h/E, from which on a body hardly stands [1]"""
 
 
 @dataclass(frozen=True)
@@ -38,7 +29,7 @@ class Part:
 
 @dataclass(frozen=True)
 class BodyCheck:
-    """Quality and plausibility of a body; `warnings` are sentences, empty where nothing is odd."""
+    """Measures of a body."""
 
     n_cells: int
     n_nodes: int
@@ -70,7 +61,6 @@ class BodyCheck:
     """cells less than 2 % full"""
     parts: tuple[Part, ...]
     """the inclusions"""
-    warnings: tuple[str, ...]
 
 
 def check_body(body: Body) -> BodyCheck:
@@ -83,37 +73,6 @@ def check_body(body: Body) -> BodyCheck:
     volume = enclosed_volume(points, triangles) if body.boxes else float(cell_volumes(body).sum())
     slivers = int((fill < _SLIVER).sum())
     size = np.ptp(points, axis=0)
-    warnings = list(body.notes)
-    if body.edges.max() > _STRETCHED * body.edges.min():
-        warnings.append(
-            f"body.cell: they are stretched {body.edges.max() / body.edges.min():.1f} to 1: substeps follow the "
-            "shortest edge; choose more even ones"
-        )
-    # What rounding a wanted cell edge to a divisor of the body leaves open is worth knowing when it is one cell.
-    if body.boxes and (np.ptp(body.along_axes(points), axis=0) < 1.5 * body.edges).any():
-        warnings.append("body.cell: one cell through the thickness: bending is coarse; make it half as large")
-    if not _SMALL <= size.max() <= _LARGE:
-        warnings.append(f"body.shape: {size.max():.3g} m from end to end is unlike what a hand grips; is the unit m?")
-    for number, each in enumerate(body.materials):
-        warnings += _doubts(each, "body.material" if number == 0 else f"body.inclusions.{number - 1}.material")
-    weight = body.material.density * float(np.ptp(points @ body.gravity)) / body.material.young
-    if weight > _SINKS and body.material.young >= _SOFTEST:
-        warnings.append(
-            f"body.material.young: {body.material.young:g} Pa; the body would sink by some {100.0 * weight:.0f} % of "
-            "its height under its own weight; are the units Pa, m and kg/m^3?"
-        )
-    if body.fixed.all():
-        warnings.append("body.fixed: all of the body is clamped, and nothing moves; make the boxes smaller")
-    parts = _parts(body)
-    for number, part in enumerate(parts):
-        if 0 < part.octants < _COARSE:
-            warnings.append(
-                f"body.inclusions.{number}: it is {part.octants} octants of cells, a coarse picture: shorten `cell`"
-            )
-        if part.octants == 0:
-            warnings.append(
-                f"body.inclusions.{number}: it is hidden by later ones, or where the body is empty: leave it out"
-            )
     return BodyCheck(
         n_cells=body.n_cells,
         n_nodes=body.n_nodes,
@@ -133,12 +92,12 @@ def check_body(body: Body) -> BodyCheck:
         full_cells=int((body.fill == 1.0).all(axis=1).sum()),
         smallest_fill=float(fill.min()),
         slivers=slivers,
-        parts=parts,
-        warnings=tuple(warnings),
+        parts=parts_of(body),
     )
 
 
-def _parts(body: Body) -> tuple[Part, ...]:
+def parts_of(body: Body) -> tuple[Part, ...]:
+    """What the cells make of each inclusion."""
     volume = np.prod(body.edges) / 8.0 * body.fill
     if not body.boxes:
         volume = np.repeat(cell_volumes(body)[:, None] / 8.0, 8, axis=1)
@@ -155,19 +114,6 @@ def _parts(body: Body) -> tuple[Part, ...]:
             )
         )
     return tuple(found)
-
-
-def _doubts(material: Material, key: str) -> list[str]:
-    """What is unlike any soft solid, of the material at this key."""
-    doubts = []
-    poisson = material.elastic.poisson
-    if poisson > _INCOMPRESSIBLE:
-        doubts.append(f"{key}.poisson: {poisson:.4g} is nearly 0.5: the wave speed is {material.wave_speed:.0f} m/s")
-    if not 10.0 <= material.density <= 25_000.0:
-        doubts.append(f"{key}.density: {material.density:g} kg/m^3 is unlike any solid; is the unit kg/m^3?")
-    if not _SOFTEST <= material.young <= 1e9:
-        doubts.append(f"{key}.young: {material.young:g} Pa is unlike any soft solid; is the unit Pa?")
-    return doubts
 
 
 def _triple(values: np.ndarray) -> tuple[float, float, float]:

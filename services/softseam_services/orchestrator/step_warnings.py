@@ -9,8 +9,7 @@ from softseam_coupling.ledger import Alarm
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import ErrorEstimate
-from softseam_protocol.models import some_read
-from softseam_protocol.scene.kinds import element_warning
+from softseam_protocol.scene.locking import locking
 from softseam_protocol.scene.scene import Scene
 
 _TOO_FAR = (
@@ -99,13 +98,3 @@ class ToolWarnings:
         if met and not self._met:
             self._tell("tools", f"{at}: {met}: {_NO_TOUCH}", Detail.MET)
         self._met = met
-
-
-def locking(scene: Scene) -> str:
-    """That FEM's element locks with the scene's material; '' where it does not, or FEM has no part."""
-    body = scene.body
-    if not body.has_cells or not some_read(scene.regions.models, "fem.element"):
-        return ""
-    return element_warning(
-        scene.models.fem.element, max(material.poisson for material in body.cell_materials), body.tetrahedral
-    )

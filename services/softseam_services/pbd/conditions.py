@@ -5,22 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from softseam.errors import missing_extra
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.session import Frame
+from softseam_services.pbd.condition import condition_of
+from softseam_services.server import build_setup
 
 
 def conditions(bundle: Bundle, start: Mapping[str, Frame], end: Mapping[str, Frame]) -> dict[str, Any]:
-    """Of each body of a scene that XPBD moves, from its fields at the start and at the end: numbers and a sentence.
-
-    Raises MissingExtra where this installation has no solvers: a number needs the body's constraints.
-    """
-    try:
-        from softseam_services.pbd.condition import condition_of
-        from softseam_services.server import build_setup
-    except ImportError as error:
-        raise missing_extra(error, "condition numbers") from error
-    told: dict[str, Any] = {}
+    """Of each body of a scene that XPBD moves, from its fields at the start and at the end: numbers and a sentence."""
+    found: dict[str, Any] = {}
     for name in start:
         setup = build_setup(bundle, name)
         begun, ended = (
@@ -29,15 +22,15 @@ def conditions(bundle: Bundle, start: Mapping[str, Frame], end: Mapping[str, Fra
         )
         known = ended or begun
         if known is not None:
-            told[name] = {
+            found[name] = {
                 "start": None if begun is None else begun.spectrum.condition,
                 "end": None if ended is None else ended.spectrum.condition,
                 "sweeps_for_a_tenth": known.spectrum.sweeps,
                 "sweeps": known.sweeps,
                 "substeps": known.substeps,
             }
-            told[name]["text"] = sentence(told[name])
-    return told
+            found[name]["text"] = sentence(found[name])
+    return found
 
 
 def sentence(condition: Mapping[str, Any]) -> str:
