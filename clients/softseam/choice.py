@@ -10,18 +10,20 @@ from softseam_protocol.scene.scene import Scene
 
 def choice(scene: Scene, first: Observation) -> str:
     """Of every body, from the observation after the first step."""
-    told = choices(scene, first.parts, first.events)
-    return "; ".join(f"{name}: {text}" if len(told) > 1 else text for name, text in told.items())
+    texts = choices(scene, first.parts, first.events)
+    return "; ".join(f"{name}: {text}" if len(texts) > 1 else text for name, text in texts.items())
 
 
 def choices(scene: Scene, parts: Mapping[str, PartReport], events: Iterable[Event]) -> dict[str, str]:
     """The same by body, from the parts and the events of the first step; a body's near part comes first."""
-    told = [event.message for event in events if event.kind is EventKind.REGIONS]
+    reasons = [event.message for event in events if event.kind is EventKind.REGIONS]
     ordered = [part for _, part in sorted(parts.items(), reverse=True)]
-    return {name: _of_body(scene, name, [part for part in ordered if part.body == name], told) for name in scene.bodies}
+    return {
+        name: _of_body(scene, name, [part for part in ordered if part.body == name], reasons) for name in scene.bodies
+    }
 
 
-def _of_body(scene: Scene, name: str, parts: list[PartReport], told: list[str]) -> str:
+def _of_body(scene: Scene, name: str, parts: list[PartReport], reasons: list[str]) -> str:
     label = scene.models.label
     body = scene.bodies[name]
     if not body.has_cells:
@@ -33,5 +35,5 @@ def _of_body(scene: Scene, name: str, parts: list[PartReport], told: list[str]) 
         has = ", ".join(f"{label(part.model)} on {part.n_cells}" for part in parts)
         has += f" of {total} cells"
     if len(scene.bodies) > 1:
-        told = [message.removeprefix(f"{name}: ") for message in told if message.startswith(f"{name}: ")]
-    return f"{has}, for {told[0]}" if told else f"{has}, as the scene's regions say"
+        reasons = [message.removeprefix(f"{name}: ") for message in reasons if message.startswith(f"{name}: ")]
+    return f"{has}, for {reasons[0]}" if reasons else f"{has}, as the scene's regions say"

@@ -160,7 +160,7 @@ def replay(
 ) -> None:
     """Show a recording in rerun, save it for rerun, draw it, or verify it.
 
-    Rerun's usage reporting is off; SOFTSEAM_RERUN_ANALYTICS=1 leaves it as `rerun analytics` was told.
+    Rerun's usage reporting is off; SOFTSEAM_RERUN_ANALYTICS=1 leaves it as `rerun analytics` set it.
     """
     from softseam.showing import show
 

@@ -106,11 +106,11 @@ def _print_condition(console: Console, found: Mapping[str, Mapping[str, Any]] | 
     if found is None:
         return
     if not found:
-        told = "no condition number: XPBD moves no body, or one with too many unknowns for it"
-        console.print(Text(told, "dim"), soft_wrap=True)
+        text = "no condition number: XPBD moves no body, or one with too many unknowns for it"
+        console.print(Text(text, "dim"), soft_wrap=True)
     for name, condition in found.items():
-        told = f"{name}: {condition['text']}" if len(found) > 1 else condition["text"]
-        console.print(Text(told, "dim"), soft_wrap=True)
+        text = f"{name}: {condition['text']}" if len(found) > 1 else condition["text"]
+        console.print(Text(text, "dim"), soft_wrap=True)
 
 
 def _print_trust(console: Console, estimate: Mapping[str, Any] | None, claims: Mapping[str, Any] | None) -> None:
@@ -130,16 +130,16 @@ def _print_trust(console: Console, estimate: Mapping[str, Any] | None, claims: M
             if estimate[f"{what}_error"] > 0.0
         ]
         if parts:
-            told = f"stress over the whole body is off by: {' and '.join(parts)}, in the energy norm"
-            console.print(Text(told, style="dim"), soft_wrap=True)
+            text = f"stress over the whole body is off by: {' and '.join(parts)}, in the energy norm"
+            console.print(Text(text, style="dim"), soft_wrap=True)
 
 
-def _print_not_done(console: Console, told: list[str]) -> None:
+def _print_not_done(console: Console, texts: list[str]) -> None:
     """What the scene asks for and the run did not do."""
-    for text in told[:_MOST]:
+    for text in texts[:_MOST]:
         console.print(Text(f"not done: {text}", "bold yellow"), soft_wrap=True)
-    if len(told) > _MOST:
-        console.print(Text(f"not done: {len(told) - _MOST} more, see not_done in a --report", "bold yellow"))
+    if len(texts) > _MOST:
+        console.print(Text(f"not done: {len(texts) - _MOST} more, see not_done in a --report", "bold yellow"))
 
 
 def _indicators(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:

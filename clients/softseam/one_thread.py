@@ -1,4 +1,4 @@
-"""A session is for one thread at a time: a second one is told so before its requests mix with the first one's."""
+"""A session is for one thread at a time: a second one is refused before its requests mix with the first one's."""
 
 from collections.abc import Callable
 from functools import wraps

@@ -56,7 +56,7 @@ def up(
 def services(connect: str, directory: Path, report: Callable[[str], None], ready: float = 900.0) -> Iterator[None]:
     """All services of this machine for as long as the context lasts; recordings go to `directory`.
 
-    report  told what the services say
+    report  receives what the services say
     ready   longest wait until all of them are ready, compilation included [s]
     """
     from softseam_services import launch

@@ -112,12 +112,12 @@ class Recording:
     @property
     def note(self) -> str | None:
         """What is missing, in words, or None for a whole recording."""
-        told = [str(hole) for hole in self.holes[:_NAMED]]
-        if not told:
+        texts = [str(hole) for hole in self.holes[:_NAMED]]
+        if not texts:
             return None
         more = self.holes[_NAMED:]
         others = f"; and {len(more)} more holes of {sum(hole.bytes for hole in more)} bytes" if more else ""
-        return f"{self.path} {'; it '.join(told)}{others}; {self.counts.get('StepReport', 0)} steps are read"
+        return f"{self.path} {'; it '.join(texts)}{others}; {self.counts.get('StepReport', 0)} steps are read"
 
     def __iter__(self) -> Iterator[Recorded]:
         """All messages, in the order they were recorded."""

@@ -53,7 +53,7 @@ class Wishes:
     estimate: bool | None = None
     """whether to run the sibling that claims come from; None: where it takes little of the run's time"""
     condition: bool = False
-    """whether to tell condition numbers, see `condition`"""
+    """whether to report condition numbers, see `condition`"""
 
 
 def run(wishes: Wishes, console: Console) -> dict[str, Any]:
@@ -142,7 +142,7 @@ def follow(
     limit          longest time in which it does not get on [s], 0 for ever; None: as long as suits the bodies
     compiles_here  whether this process compiles kernels, which may take longer than any step
     begun          called once the session was reset, before its first step
-    condition      whether the report tells condition numbers, see `condition`
+    condition      whether the report has condition numbers, see `condition`
     Raises SimulationFailed where it does not get on within the limit.
     """
     scene = session.scene

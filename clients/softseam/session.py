@@ -250,7 +250,7 @@ class Session:
                   (s, 3) [m]; "velocity" [m/s] and "position" [m] of the whole body at the start (3,)
         commands  velocities of tools step by step, as for `step`; None follows the scene's own motion
         steps     most steps of that motion; None: all
-        near      contacts are told as `crossed` within such a relative change of forces
+        near      contacts are reported as `crossed` within such a relative change of forces
 
         By the adjoint of FEM's implicit Euler steps, contact and friction included: exact but for the tolerance that
         steps are solved to (`models.fem.tolerance`; 1e-7 is enough for six digits). Tools go as they do in the run,
@@ -278,7 +278,7 @@ class Session:
         """What is doubtful about the scene, where that costs little to find out: sentences that begin with their key.
 
         `softseam check` warns of the same, and `softseam run` before the first step. Over a bus it is what the scene
-        alone tells, without the meshes that it names.
+        alone shows, without the meshes that it names.
         """
         return self._running().doubts(self.scene)
 

@@ -26,7 +26,7 @@ _SOON = 0.1
 _HARD = {EventKind.SOLVER, EventKind.STEP, EventKind.SEAM, EventKind.MONITOR}
 """events of steps that were not solved at once"""
 _TELL = 5.0
-"""time that a step takes before it is told of, and again each time that this has doubled [s]"""
+"""time that a step takes before it is reported, and again each time that this has doubled [s]"""
 
 
 def limit_for(n_nodes: int, afar: bool) -> float:
@@ -35,18 +35,18 @@ def limit_for(n_nodes: int, afar: bool) -> float:
 
 
 class StepWatch:
-    """A context around the steps of a run; in another thread than a process's main one it tells, but ends nothing.
+    """A context around the steps of a run; in another thread than a process's main one it reports, but ends nothing.
 
     limit     longest time in which the run does not get on [s]; 0: as long as it takes
-    tell      receives the number of the step at hand and how long it has taken, now and then [s]
+    report    receives the number of the step at hand and how long it has taken, now and then [s]
     compiled  time that this process has spent compiling so far [s], which counts for nothing
     Leaving it raises SimulationFailed where the limit was passed.
     """
 
     def __init__(
-        self, limit: float, tell: Callable[[int, float], None], compiled: Callable[[], float] = lambda: 0.0
+        self, limit: float, report: Callable[[int, float], None], compiled: Callable[[], float] = lambda: 0.0
     ) -> None:
-        self._limit, self._tell, self._compiled = limit, tell, compiled
+        self._limit, self._report, self._compiled = limit, report, compiled
         self._interrupt = Interrupt("softseam step watch", self._looks)
         self._steps, self._good, self._failed = 0, 0, 0
         self._begun = self._last = self._now()
@@ -84,7 +84,7 @@ class StepWatch:
             self._told_step, self._due = self._steps, _TELL
         if now - self._begun >= self._due:
             self._due *= 2.0
-            self._tell(self._steps + 1, now - self._begun)
+            self._report(self._steps + 1, now - self._begun)
         return bool(self._limit) and now - self._last >= self._limit
 
     def _words(self) -> str:

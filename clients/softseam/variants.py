@@ -57,7 +57,7 @@ def _cut_near_tools(scene: Scene, body: AnyBody) -> Scene:
     """FEM within half a cell of tools, PBD elsewhere."""
     edge = _longest_edge(body)
     if edge is None or not scene.tools:
-        what = "its cells' size, which its file tells, is not known here" if scene.tools else "it has no tools"
+        what = "its cells' size, which only its file has, is not known here" if scene.tools else "it has no tools"
         raise BadInput(
             f"the scene {scene.name!r} has no near region with a model of its own, and {what}: add one to it, "
             "e.g. regions: {default: pbd, near: {model: fem, within: 0.012}}"

@@ -20,7 +20,7 @@ _RISE = 0.002
 _LOST = 0.05
 """part of the largest force below which tools have lost the body"""
 _FAILED = 0.5
-"""part of the steps without a solution from which on a run tells nothing of the body"""
+"""part of the steps without a solution from which on a run shows nothing of the body"""
 _FALLEN = 0.1
 """part of its highest rise by which a body that was set down may sink once it is let go"""
 _SEEN = 0.12
@@ -98,10 +98,10 @@ def with_failures(verdict: Verdict, failed: int, steps: int) -> Verdict:
     """The same of a run in which so many steps found no solution: failed where these are half of all or more."""
     if not failed:
         return verdict
-    told = f"{failed} of {steps} steps found no solution, and the body stood still in them"
+    lost_steps = f"{failed} of {steps} steps found no solution, and the body stood still in them"
     if failed < _FAILED * steps:
-        return Verdict(verdict.outcome, f"{verdict.text}; {told}")
-    return Verdict("failed", f"failed: {told}")
+        return Verdict(verdict.outcome, f"{verdict.text}; {lost_steps}")
+    return Verdict("failed", f"failed: {lost_steps}")
 
 
 def lifters(scene: Scene) -> tuple[str, ...]:

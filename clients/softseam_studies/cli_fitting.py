@@ -13,8 +13,8 @@ FIT = (
     "The file has a line of names, then numbers: time [s], and forces of the body on tools [N]: left is the size of "
     "that on the tool left, left.x its part along x. The scene's own motion is run with FEM, and Gauss-Newton's method "
     "finds the numbers for which it is nearest to the file, by exact derivatives along the run. Standard errors follow "
-    "from what is left, as if it were noise of every row apart. A number that the file cannot tell is named, and "
-    "stays.\n\n"
+    "from what is left, as if it were noise of every row apart. A number that the file does not determine is named, "
+    "and stays.\n\n"
     "[bold]Examples[/bold]\n\n"
     "softseam fit my.yaml squeeze.csv\n\n"
     "softseam fit my.yaml squeeze.csv --find young,friction --out fitted.yaml\n\n"
@@ -41,7 +41,7 @@ def fit(
 SURROGATE = (
     "[bold]What it does[/bold]\n\n"
     "The scene's own motion, which is to squeeze a body, is run with FEM for values spread between the bounds of what "
-    "is varied. Polynomials then tell the quantities for any values between them and for any squeeze that all runs "
+    "is varied. Polynomials then give the quantities for any values between them and for any squeeze that all runs "
     "reach, within microseconds, and with a claim: by how much they may be off, for 95 % of what lies between. In "
     "Python: Surrogate.read(FILE).at({KEY: VALUE, ...}, squeeze).\n\n"
     "[bold]Examples[/bold]\n\n"
@@ -59,12 +59,12 @@ def surrogate(
         typer.Option(metavar="KEY=LOW..HIGH", help="What may differ; keys with one value are joined by +. Repeatable."),
     ] = None,
     of: Annotated[
-        str, typer.Option("--of", metavar="QUANTITIES", help="What is told, of `softseam quantities`.")
+        str, typer.Option("--of", metavar="QUANTITIES", help="What it gives, of `softseam quantities`.")
     ] = "grip_force,peak_von_mises",
     runs: Annotated[int, typer.Option(metavar="N", help="Runs of the scene.")] = 64,
     settings: Settings = None,
 ) -> None:
-    """Run a squeeze many times beforehand; a formula then tells force and stress in microseconds, with its error."""
+    """Run a squeeze many times beforehand; a formula then gives force and stress in microseconds, with its error."""
     from softseam_studies.surrogate.command import Wishes, make_surrogate
 
     make_surrogate(Wishes(scene, tuple(vary or ()), out, of, runs, tuple(settings or ())), Console())

@@ -47,7 +47,7 @@ PLAN = (
 CALIBRATE = (
     "[bold]What it does[/bold]\n\n"
     "The body, clamped as in the scene but without tools and gravity, is let go from its slowest oscillation with "
-    "several counts of substeps and sweeps. Frequency, the Young's modulus that it tells, and what the oscillation "
+    "several counts of substeps and sweeps. Frequency, the Young's modulus that it shows, and what the oscillation "
     "loses a period stand beside the wanted ones: those of hex27 cells, solved exactly. Kept in ~/.cache/softseam.\n\n"
     "[bold]Examples[/bold]\n\n"
     "softseam calibrate cantilever\n\n"

@@ -36,7 +36,7 @@ def share(
     address: str,
     make: Make[Work, Result],
     work: Sequence[Work],
-    told: Callable[[str], None],
+    lost: Callable[[str], None],
     over: Callable[[Result], object] = lambda result: None,
 ) -> list[Result]:
     """What each piece of work comes to, in the order of `work`, however many workers there are.
@@ -46,7 +46,7 @@ def share(
     Other arguments, and what is raised, are those of `Workers`.
     """
     found = dict[int, Result]()
-    with Workers(address, make, told) as workers:
+    with Workers(address, make, lost) as workers:
         for each in work:
             workers.begin(each)
         for number, result in workers.ended(0):
@@ -97,14 +97,14 @@ class Workers(Generic[Work, Result]):
     """Those of a Ray cluster, at most one a processor, which take pieces of work as these come. A context manager.
 
     address  of a cluster that this machine is a part of: HOST:PORT of its head; local: this machine alone
-    told     of each worker that is lost
+    lost     called with each worker that is lost
 
     Entering it raises MissingExtra, BadInput for what is no address, NoConnection where nobody answers there; `ended`
     ServicesFailed where workers end again and again or none can begin, and what `make` and its product raise.
     """
 
-    def __init__(self, address: str, make: Make[Work, Result], told: Callable[[str], None]) -> None:
-        self._address, self._make, self._told = address, make, told
+    def __init__(self, address: str, make: Make[Work, Result], lost: Callable[[str], None]) -> None:
+        self._address, self._make, self._lost = address, make, lost
         self._workers = f"of the Ray cluster at {address}"
         self.size = 1
         """how many there may be: processors of the cluster"""
@@ -199,7 +199,7 @@ class Workers(Generic[Work, Result]):
             )
         if number is not None:
             self._waiting.appendleft(number)
-        self._told(f"a worker is lost, and what it did is done anew ({why})")
+        self._lost(f"a worker is lost, and what it did is done anew ({why})")
         self._start()
 
 

@@ -1,7 +1,7 @@
 """`softseam import`: the two configuration templates of the textbook chapter (9.12) become scenes.
 
 A template says how to solve and nothing of what: body, tools and motion of the scene are assumed. What a template says
-is checked as the scene's key that it becomes; what has no equal is told line by line.
+is checked as the scene's key that it becomes; what has no equal is listed line by line.
 """
 
 import difflib
@@ -129,7 +129,7 @@ class Line:
         return f"{self.key}: {json.dumps(self.value)}"
 
     @property
-    def told(self) -> str:
+    def becomes(self) -> str:
         return ", ".join(self.became) if self.became else f"no equal: {self.why}"
 
 
@@ -182,7 +182,7 @@ def import_template(path: Path, out: Path | None, console: Console) -> None:
     for heading in ("line", "template", "scene"):
         table.add_column(heading)
     for line in lines:
-        row = (f"{path.name}:{line.number}", line.said, line.told)
+        row = (f"{path.name}:{line.number}", line.said, line.becomes)
         table.add_row(*map(Text, row), style="" if line.became else "yellow")
     console.print(table)
     console.print(Text(f"assumed, as the template does not say it: {_assumed(lines)}"))
@@ -232,7 +232,7 @@ def _put(scene: dict[str, Any], key: str, value: Any) -> None:
 def _written(name: str, scene: dict[str, Any], lines: list[Line]) -> str:
     """The scene's text, under what became of each line."""
     head = [f"# Made by `softseam import {name}`. Assumed, as the template does not say it: {_assumed(lines)}."]
-    head += [f"# {line.number}: {line.said} -> {line.told}" for line in lines]
+    head += [f"# {line.number}: {line.said} -> {line.becomes}" for line in lines]
     dumped = yaml.safe_dump(scene, sort_keys=False, default_flow_style=None, width=110)
     return "\n".join([*head, dumped])
 

@@ -2,7 +2,7 @@
 
 Numba ends a run where a file of its cache is damaged, as a loss of power leaves it, or cannot be written, as on a full
 disk. Here each file begins with a digest of what follows: where that does not match, there is no such file, and the
-kernel is compiled and written anew. What cannot be written stays in memory. Either is told once in a process.
+kernel is compiled and written anew. What cannot be written stays in memory. Each is reported once in a process.
 
 An entry carries its own key and is written before the index that names it. So what an older source left under that
 name, or another process wrote there at the same time for other types, is not taken for it.
@@ -31,7 +31,7 @@ def njit(*, cache: bool, **options: Any) -> Callable[[Callable[..., Any]], Any]:
 
     def decorate(function: Callable[..., Any]) -> Any:
         kernel = numba.njit(**options)(function)
-        if cache and kernel is not function:  # which it is where numba is told not to compile
+        if cache and kernel is not function:  # which it is where numba is set not to compile
             keep(kernel)
         return kernel
 

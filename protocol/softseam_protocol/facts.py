@@ -26,7 +26,7 @@ def machine() -> str:
 
 
 def processor() -> str:
-    """The processor's name, or its kind where it tells no name."""
+    """The processor's name, or its kind where it has no name."""
     kind = platform.processor() or platform.machine()
     cpuinfo = Path("/proc/cpuinfo")
     lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []

@@ -121,7 +121,7 @@ OF_TOOLS: Table[Quantity] = Table(
     "quantities of tools",
     {"force": Quantity("N", "size of the force between the tool and all bodies", at_rest=0.0, group="grip")},
 )
-"""what a report tells of each tool that is not one of two that close, as TOOL.force"""
+"""what a report gives of each tool that is not one of two that close, as TOOL.force"""
 
 
 def quantity(name: str) -> Quantity:

@@ -1,4 +1,4 @@
-"""Tables of what a scene can name: one row a name, and every name that misses its row is told at once.
+"""Tables of what a scene can name: one row a name, and a name that misses its row is named at once.
 
 A table is an extension point. What softseam brings is in it from the start; an extension adds its row with `add`, from
 outside, before the first scene is read. `softseam_protocol.extensions` says how services learn of one.
@@ -59,7 +59,7 @@ class Table(Mapping[str, Row], Generic[Row]):
         return f"the table of {self.title}"
 
     def problem(self, name: str) -> str:
-        """What to tell of a name that is no row: the nearest one, and all that there are."""
+        """What to say of a name that is no row: the nearest one, and all that there are."""
         near = get_close_matches(name, self._rows, n=1)
         meant = f"; did you mean {near[0]!r}?" if near else ";"
         return f"table of {self.title}: no row {name!r}{meant} there are {', '.join(self._rows) or 'none'}"

@@ -17,16 +17,16 @@ _SETTERS = (
 
 
 def use_one_thread() -> int:
-    """Tell every OpenBLAS that numpy and scipy bring along to use one thread; the number of libraries told."""
-    told = 0
+    """Have every OpenBLAS that numpy and scipy bring along use one thread; the number of these libraries."""
+    count = 0
     for package in ("numpy", "scipy"):
         spec = importlib.util.find_spec(package)
         if spec is None or spec.origin is None:
             continue
         home = Path(spec.origin).parent
         for library in sorted([*home.parent.glob(f"{package}.libs/*openblas*"), *home.glob(".dylibs/*openblas*")]):
-            told += _tell(library)
-    return told
+            count += _tell(library)
+    return count
 
 
 def _tell(library: Path) -> int:

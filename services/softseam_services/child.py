@@ -97,7 +97,7 @@ class Child:
         return [state for state in states if state]
 
     def _heard(self, text: str) -> str:
-        """A beat: the state it tells, '' of a line that was cut by the child's death."""
+        """A beat: the state it reports, '' of a line that was cut by the child's death."""
         try:
             beat = json.loads(text)
             state, busy = str(beat["state"]), float(beat["busy"])
@@ -107,7 +107,7 @@ class Child:
         return state
 
     def rest(self, selector: selectors.BaseSelector, say: Callable[[str], None]) -> list[str]:
-        """Read the rest of an ended process's pipes; returns the states that it told there."""
+        """Read the rest of an ended process's pipes; returns the states that it reported there."""
         states = []
         for fd in (self.log, self.beats):
             while fd in selector.get_map():

@@ -1,6 +1,6 @@
 """A service's heartbeat: what its supervisor and the bus see of its state.
 
-A thread of its own tells, a few times a second, what the service does and for how long. So a long computation or
+A thread of its own reports, a few times a second, what the service does and for how long. So a long computation or
 compilation is seen as such, and only a process that does not run at all falls silent. The thread also notices when the
 supervisor is gone, and stops the service: no orphans.
 """
@@ -16,7 +16,7 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 
 BEAT_VARIABLE = "SOFTSEAM_LIFELINE"
-"""environment variable: file descriptor on which a supervised process tells its state"""
+"""environment variable: file descriptor on which a supervised process reports its state"""
 PERIOD = 0.25
 """time between beats [s]"""
 
@@ -30,7 +30,7 @@ def heard_elsewhere(number: int, frame: FrameType | None) -> None:
 
 
 class Lifeline:
-    """State of this process, told every PERIOD; a context manager that also turns SIGTERM and SIGINT into `stop`."""
+    """State of this process, sent every PERIOD; a context manager that also turns SIGTERM and SIGINT into `stop`."""
 
     def __init__(self, state: str = "starting", *, signals: bool = True) -> None:
         self.stop = threading.Event()
@@ -113,10 +113,10 @@ class Lifeline:
                 return  # it will
 
     def _beat(self) -> None:
-        told = False
+        said = False
         while True:
-            if self.stop.is_set() and not told:
-                told = True
+            if self.stop.is_set() and not said:
+                said = True
                 self._state = "stopping"
                 for action in list(self._on_stop):
                     action()

@@ -35,7 +35,7 @@ def tell_progress(
         try:
             bus.publish(key, encode(Progress(service, instance, session, step, server.answered, server.busy)), True)
         except ProtocolError:
-            return  # the bus is being closed; the supervisor's pipe tells the rest
+            return  # the bus is being closed; the supervisor's pipe says the rest
 
     if supervise:
         life.busy_of = lambda: server.busy

@@ -1,6 +1,6 @@
 """Keeps services running: starts them in order, restarts what dies, kills and restarts what freezes, stops all.
 
-Every child tells its state on a pipe (see `lifeline`). A child that exits is restarted after a growing pause; one that
+Every child sends its state on a pipe (see `lifeline`). A child that exits is restarted after a growing pause; one that
 has been silent for `patience` (a frozen process), or busy with one request for `stall`, is killed first. A child that
 exits with 2 was set up wrongly: restarting would not help, so the supervisor stops everything and says why.
 """

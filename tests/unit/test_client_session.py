@@ -362,7 +362,10 @@ def test_a_tool_may_be_called_what_means_something_in_a_file(path: Path, name: s
     ("settings", "words"),
     [
         (["tools={}", "motion=[]", "duration=0.1"], "it has no tools: add one to it, e.g. regions"),
-        (["body.shape={kind: mesh, path: a.stl}", "body.cell=null"], "its cells' size, which its file tells, is not"),
+        (
+            ["body.shape={kind: mesh, path: a.stl}", "body.cell=null"],
+            "its cells' size, which only its file has, is not",
+        ),
         (["models.fem.step_error=0.01"], "cannot be cut into FEM and PBD: "),
     ],
 )

@@ -84,7 +84,7 @@ def test_what_was_not_run_is_refused() -> None:
     values = {VARIED[0].key: 20e3, VARIED[1].key: 0.4}
     with pytest.raises(BadInput, match=r"body.material.young=90000.0: runs were made from 10000 to 40000"):
         surrogate.at({**values, VARIED[0].key: 90e3}, 0.1)
-    with pytest.raises(BadInput, match=r"squeeze=0.6: runs tell of 0.015 to 0.3"):
+    with pytest.raises(BadInput, match=r"squeeze=0.6: runs are of 0.015 to 0.3"):
         surrogate.at(values, 0.6)
     with pytest.raises(BadInput, match=r"body.material.poisson: values are wanted of"):
         surrogate.at({VARIED[0].key: 20e3}, 0.1)

@@ -101,7 +101,7 @@ def test_friction_of_what_touches_nothing_is_not_told(tmp_path: Path) -> None:
     answer, told = _fit(tmp_path, with_shelf(20e3), table, ["left"], "young,friction.shelf")
     assert list(answer.untold) == [1] and answer.values[1] == 0.7
     assert answer.values[0] == pytest.approx(26.4e3, rel=1e-3)
-    assert "cannot be told: the curve does not change with it" in told
+    assert "cannot be determined: the curve does not change with it" in told
 
 
 def test_bad_wishes_are_refused(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ f    two curves that cross, or that an edge within a cell bends alike, differ by
      most often, whose edges lie anywhere within cells of both, and stress
 
 Nothing is claimed of slip while a body only creeps: points beside the edges of a contact slide by a hundredth of a
-cell, of which neither these cells nor longer ones tell. And what would be claimed to be off by more than it is, is *not
+cell, which neither these cells nor longer ones show. And what would be claimed to be off by more than it is, is *not
 settled*.
 
 The numbers are chosen on the scenes of docs/results/claims.md and checked on others, there, too.
@@ -117,7 +117,7 @@ class Scale:
 
     @classmethod
     def of(cls, scene: Scene, report: Mapping[str, Any], finer: bool, cell: float = 0.0) -> Scale:
-        """Of a run of this scene that the report tells of; finer, cell: as above."""
+        """Of a run of this scene that the report is of; finer, cell: as above."""
         grips = [phase for phase in scene.motion if isinstance(phase, ClosePhase)]
         timed = any(grip.force is not None or grip.until.force is not None for grip in grips)
         free = any(not body.said("fixed", ()) for body in scene.bodies.values())
@@ -201,19 +201,19 @@ def _claim(
     for reading, read in READINGS.items():
         (value, late, beside), (there, _, _) = read(*measured(entry)), read(*measured(other))
         by_chance = 0.0 if is_nothing(name, abs(value)) and is_nothing(name, abs(there)) else OF_CURVE * off
-        told = f"{factor * value:.4g} {unit} here, {factor * there:.4g} {unit} with {longer} cells and steps"
+        text = f"{factor * value:.4g} {unit} here, {factor * there:.4g} {unit} with {longer} cells and steps"
         if abs(value - there) < by_chance:
-            told += f", and {apart} on the way"
+            text += f", and {apart} on the way"
         claim = READ * own.claim(abs(value - there) + by_chance, max(abs(value), size), late)
         claim += own.beside * beside
-        found[reading] = {"value": value} | _settled(name, claim, max(abs(value), NEXT_TO_NOTHING * size), told)
+        found[reading] = {"value": value} | _settled(name, claim, max(abs(value), NEXT_TO_NOTHING * size), text)
     return found
 
 
 def _why_none(name: str, entry: Mapping[str, Any], other: Mapping[str, Any] | None, scale: Scale, grown: float) -> str:
     """Why nothing is claimed of a quantity: a word or two, a colon, and a sentence; '' where something is."""
     if quantity(name).group == "error":
-        return "an estimate itself: it tells how far this one run is off, and has no error of its own"
+        return "an estimate itself: it says how far this one run is off, and has no error of its own"
     if other is None:
         return "none: the run to compare with does not measure it"
     if not np.isfinite(difference(entry, other)[0]):
@@ -227,15 +227,15 @@ def _why_none(name: str, entry: Mapping[str, Any], other: Mapping[str, Any] | No
     if name.rpartition(".")[2] == "slip" and 0.0 < slid < SLIDES * scale.cell:
         return (
             f"creeps: what slides by less than {1e3 * SLIDES * scale.cell:.2g} mm, a twentieth of a cell, are points "
-            "beside the edges of the contact, of which no run on such cells tells"
+            "beside the edges of the contact, which no run on such cells shows"
         )
     return ""
 
 
-def _settled(name: str, claim: float, size: float, told: str) -> dict[str, Any]:
-    """A claim of something so large, where it is less than that; told: what is, where it is not."""
+def _settled(name: str, claim: float, size: float, text: str) -> dict[str, Any]:
+    """A claim of something so large, where it is less than that; text: why, where it is not."""
     if claim > size and not is_nothing(name, claim):
-        return {"absolute": None, "share": None, "why": f"not settled: {told}"}
+        return {"absolute": None, "share": None, "why": f"not settled: {text}"}
     return {"absolute": claim, "share": None if is_nothing(name, size) else claim / size, "why": ""}
 
 

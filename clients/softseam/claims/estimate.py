@@ -80,28 +80,28 @@ class Estimate:
             if not self._waits:
                 self._beside.begin(self._bundle)
 
-    def found(self, report: Mapping[str, Any], tell: Callable[[], None]) -> dict[str, Any]:
+    def found(self, report: Mapping[str, Any], waiting: Callable[[], None]) -> dict[str, Any]:
         """Claims of the run, as they stand in its report.
 
         report   of the run, whose session is closed
-        tell     told once where the sibling has to be waited for
+        waiting  called once where the sibling has to be waited for
         """
         if self._none or self._sibling is None or self._bundle is None:
             return _nothing(self._none or "no claims: the run did not begin")
         try:
-            other = self._run_of_sibling(report["wall"]["total"], tell)
+            other = self._run_of_sibling(report["wall"]["total"], waiting)
         except (Lost, SoftseamError) as error:
             return _nothing(f"no claims: the run to compare with failed: {error}")
         return compared(report, other, self._sibling)
 
-    def _run_of_sibling(self, took: float, tell: Callable[[], None]) -> dict[str, Any]:
+    def _run_of_sibling(self, took: float, waiting: Callable[[], None]) -> dict[str, Any]:
         """What it found; took: wall time of the run [s]. Raises Lost or SoftseamError."""
         assert self._bundle is not None
         if self._beside is None:
             from softseam.connected import ConnectedBackend
 
             assert self._connect is not None and self._sibling is not None
-            tell()
+            waiting()
             backend = ConnectedBackend(self._bundle, self._connect, record=False, timeout=120.0)
             with Session(self._sibling.scene, self._bundle, backend) as session:
                 session.reset()
@@ -109,7 +109,7 @@ class Estimate:
         if self._waits:
             self._beside.begin(self._bundle)
         if not self._beside.ended(_SOON):
-            tell()
+            waiting()
             if not self._beside.begun(_SETUP):
                 raise Lost(f"it was not set up within {_SETUP:.0f} s")
             if not self._beside.ended(_LONGER + took):

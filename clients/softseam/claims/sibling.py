@@ -1,7 +1,7 @@
 """The sibling of a scene: the same motion of the same bodies, by FEM, on cells and with steps twice as long.
 
 Of an odd number of cells along an axis it has the smaller half. It errs by more than the run that it belongs to, so
-the difference of the two tells of the run's error: of one of order p in cells and step, E(h) = C h^p, they differ by
+the difference of the two shows the run's error: of one of order p in cells and step, E(h) = C h^p, they differ by
 
     E(2h) - E(h) = (2^p - 1) E(h)                                                                                  (1)
 

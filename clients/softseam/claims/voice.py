@@ -20,26 +20,26 @@ def sentence(report: Mapping[str, Any], claims: Mapping[str, Any]) -> str:
     """What is claimed of the quantities that the scene asks for and of more than BOUND, with a remedy; '' where all are
     known better, or nothing is claimed.
 
-    Of each the worse of its end and its peak counts, but no end that is next to nothing beside its peak. Stress is told
-    of by itself, in the energy norm.
+    Of each the worse of its end and its peak counts, but no end that is next to nothing beside its peak. Stress has
+    a sentence of its own, in the energy norm.
     """
     if claims["settled"] is None:
         return ""
-    told, largest = [], 0.0
+    texts, largest = [], 0.0
     for name, claim in claims["quantities"].items():
         entry = report["quantities"][name]
         if not entry["asked"] or entry["unit"] == "Pa":
             continue
         end, peak = ((claim[reading]["value"] or 0.0) for reading in ("end", "peak"))
         readings = ("end", "peak") if abs(end) > NEXT_TO_NOTHING * abs(peak) else ("peak",)
-        share, text = max((_told(name, each, claim[each]) for each in readings), key=lambda told: told[0])
+        share, text = max((_told(name, each, claim[each]) for each in readings), key=lambda pair: pair[0])
         if share > BOUND:
-            told.append(text)
+            texts.append(text)
             largest = max(largest, share)
-    if not told:
+    if not texts:
         return ""
     factor = max(_SHORTEST, (BOUND / largest) ** 0.5)
-    return f"{', '.join(told)}: make body.cell and step {factor:.2g} times as long"
+    return f"{', '.join(texts)}: make body.cell and step {factor:.2g} times as long"
 
 
 def _told(name: str, reading: str, claim: Mapping[str, Any]) -> tuple[float, str]:
@@ -54,7 +54,7 @@ def _told(name: str, reading: str, claim: Mapping[str, Any]) -> tuple[float, str
 
 
 def speak(report: dict[str, Any], claims: Mapping[str, Any]) -> None:
-    """Put claims into a report, which is updated in place: its event `accuracy` then tells of them, and of nothing
+    """Put claims into a report, which is updated in place: its event `accuracy` then speaks of them, and of nothing
     else."""
     report["claims"] = claims
     if claims["settled"] is None:

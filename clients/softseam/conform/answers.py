@@ -1,4 +1,4 @@
-"""What a part tells of how it yields, and steps that are corrected by it."""
+"""What a part reports of how it yields, and steps that are corrected by it."""
 
 import numpy as np
 
@@ -7,12 +7,12 @@ from softseam_protocol.messages.participant import Advanced
 
 _SYMMETRIC, _CORRECTED, _TOLD = 0.03, 0.03, 1e-6
 """largest share of a compliance that may be asymmetric, as of XPBD, whose sweeps have an order; of a move that a small
-correction may be off by, which FEM is by 0.0005, to second order, and XPBD by 0.015; the same against what was told
+correction may be off by, which FEM is by 0.0005, to second order, and XPBD by 0.015; the same against what was reported
 [1]"""
 
 
 def _told(part: ExaminedPart, reply: Advanced, before: Floats | None = None) -> Floats:
-    """The compliance that a reply tells, in either form, or what was told before. Raises Unmet."""
+    """The compliance that a reply reports, in either form, or what was reported before. Raises Unmet."""
     root, n = reply.coupling_compliance_root, 3 * len(part.coupling)
     H = root @ root.T if root.size else reply.compliance
     if before is not None and not H.size:
@@ -35,18 +35,18 @@ def definite(service: Service) -> None:
 
 
 def predicts(service: Service) -> None:
-    """The compliance tells how far a small force moves the coupling nodes in a step, to 5 %."""
+    """The compliance says how far a small force moves the coupling nodes in a step, to 5 %."""
     part, force = ExaminedPart(service), some_force()
     still = part.advance(0, 0, None, compliance=True)
     went = part.advance(0, 1, force).coupling_x - still.coupling_x
-    told = (_told(part, still) @ force.ravel()).reshape(-1, 3)
-    near("the move that the compliance tells", told, went, 0.05 * float(np.abs(went).max()))
+    foreseen = (_told(part, still) @ force.ravel()).reshape(-1, 3)
+    near("the move that the compliance foresees", foreseen, went, 0.05 * float(np.abs(went).max()))
 
 
 def corrects(service: Service) -> None:
-    """Correct moves by the compliance that was told last; at once, that is what redoing gives, to 3 % of a small move.
+    """Correct moves by the last compliance reported; at once, that is what redoing gives, to 3 % of a small move.
 
-    The part turns meanwhile: what was told first is not what would be told now.
+    The part turns meanwhile: what was reported first is not what would be reported now.
     """
     part, push, H = ExaminedPart(service), some_force(), np.zeros((0, 0))
     for step in range(4):
@@ -56,7 +56,7 @@ def corrects(service: Service) -> None:
         H = _told(part, reply, H if step else None)
         moved = part.correct(step, 1, push, pull + push).coupling_x - reply.coupling_x
         size = float(np.abs(moved).max())
-        near("the move that was told", moved, (H @ push.ravel()).reshape(-1, 3), 1e-9 + _TOLD * size)
+        near("the move that was foreseen", moved, (H @ push.ravel()).reshape(-1, 3), 1e-9 + _TOLD * size)
         expect(size > 0.0, "a move", "none")
         if step == 0:
             redone = part.advance(step, 2, pull + push).coupling_x - reply.coupling_x

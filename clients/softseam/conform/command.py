@@ -67,7 +67,7 @@ def conform(
 def run_checks(
     service: Service, names: tuple[str, ...] = (), progress: Callable[[int, str], None] = lambda done, name: None
 ) -> list[Row]:
-    """A row for each check, or for those named; `progress` is told how many are done and which is next.
+    """A row for each check, or for those named; `progress` receives how many are done and which is next.
 
     Where no answer comes in time, the checks after that one are not run.
     """
@@ -125,12 +125,12 @@ def wait_answers(bus: Bus, keys: Keys, service: str) -> None:
 
 def _table(service: str, rows: list[Row]) -> Table:
     table = Table(title=f"participant {service}", title_justify="left")
-    told = any(row.expected for row in rows)  # where all passed, a row is a line
-    for column in ("check", "what it says", "outcome", *(("expected", "came") if told else ())):
+    failed = any(row.expected for row in rows)  # where all passed, a row is a line
+    for column in ("check", "what it says", "outcome", *(("expected", "came") if failed else ())):
         table.add_column(column, overflow="fold")
     colour = {PASSED: "green", FAILED: "bold red", NOT_CLAIMED: "yellow", NOT_RUN: "yellow"}
     for row in rows:
         says = CHECKS[row.name].says if row.name in CHECKS else "the block of the kit is built"
         outcome = f"[{colour[row.outcome]}]{row.outcome}[/]"
-        table.add_row(row.name, says, outcome, *((escape(row.expected), escape(row.came)) if told else ()))
+        table.add_row(row.name, says, outcome, *((escape(row.expected), escape(row.came)) if failed else ()))
     return table

@@ -167,10 +167,10 @@ class ExaminedPart:
         state = None
         if x is not None or v is not None:
             none = np.zeros((len(REST), 3))
-            told = BodyState(REST if x is None else x, none if v is None else v, none[:0], np.zeros(0, np.int32))
+            body = BodyState(REST if x is None else x, none if v is None else v, none[:0], np.zeros(0, np.int32))
             n_points = 42  # nodes on the surface: all but the three inside
             state = replace(
-                told, contact_force=np.zeros((n_points, 3)), contact_tool=np.full(n_points, -1, dtype=np.int32)
+                body, contact_force=np.zeros((n_points, 3)), contact_tool=np.full(n_points, -1, dtype=np.int32)
             )
         scene = Scene.model_validate(
             {

@@ -51,7 +51,7 @@ CHECKS: Table[Check] = Table(
         "uniform_stress": Check(motion.uniform, "patch test: a uniform stress stays uniform"),
         "compliance_definite": Check(answers.definite, "the compliance is reported, symmetric, positive definite"),
         "compliance_predicts": Check(answers.predicts, "the compliance predicts a small move"),
-        "correct": Check(answers.corrects, "Correct moves as was told, and as redoing would", "corrects"),
+        "correct": Check(answers.corrects, "Correct moves as foreseen, and as redoing would", "corrects"),
         "correct_then": Check(answers.goes_on, "a step asked for with Correct is one asked for after it", "corrects"),
     },
 )

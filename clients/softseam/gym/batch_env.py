@@ -179,11 +179,11 @@ class BatchEnv(ShownBatch):
             self._begin(new)
             self._look_anew(new)
         self._over = terminated | truncated
-        told = self._told() | {"is_success": success, "_is_success": ~new}
+        info = self._told() | {"is_success": success, "_is_success": ~new}
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
-            told = self._begin_at_once(told)
+            info = self._begin_at_once(info)
         self._show()
-        return self._seen.copy(), np.asarray(reward, np.float64), terminated, truncated, told
+        return self._seen.copy(), np.asarray(reward, np.float64), terminated, truncated, info
 
     def snapshot(self, index: int) -> dict[str, Any]:
         """One environment as it is, to put back with `restore`, here or in another batch of the same settings."""
@@ -316,7 +316,7 @@ class BatchEnv(ShownBatch):
         return sight, grip
 
     def _keep_where_lost(self, before: Sight, then: Grip) -> None:
-        """A piece whose places are no numbers is told of as it stood before, as one is where a `TofuLift` fails."""
+        """A piece whose places are no numbers is shown as it stood before, as one is where a `TofuLift` fails."""
         known = np.isfinite(self._found.middle.sum(axis=1) + self._found.force.sum(axis=(1, 2)))
         if not known.all():
             self._sight = Sight(*(np.where(known, *each) for each in zip(self._sight, before, strict=True)))
@@ -333,20 +333,20 @@ class BatchEnv(ShownBatch):
         self._squeezed, self._peak = np.where(mask, 0.0, self._squeezed), np.where(mask, 0.0, self._peak)
         self._seen[mask] = self._sight.numbers(None, ACT, SPEED, HEIGHT)[mask]
 
-    def _begin_at_once(self, told: dict[str, Any]) -> dict[str, Any]:
-        """SAME_STEP: what ended begins anew, and what it ended with is told as `final_obs` and `final_info`."""
+    def _begin_at_once(self, info: dict[str, Any]) -> dict[str, Any]:
+        """SAME_STEP: what ended begins anew, and what it ended with is given as `final_obs` and `final_info`."""
         assert self._over is not None
         ended = self._over.copy()
         final = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(ended):
             final[i] = self._seen[i].copy()
-        last = {name: value.copy() for name, value in told.items()}
+        last = {name: value.copy() for name, value in info.items()}
         self._begin(ended)
         self._look_anew(ended)
         self._over[:] = False
         return self._told() | {
-            "is_success": told["is_success"],
-            "_is_success": told["_is_success"],
+            "is_success": info["is_success"],
+            "_is_success": info["_is_success"],
             "final_obs": final,
             "_final_obs": ended,
             "final_info": last,
@@ -355,7 +355,7 @@ class BatchEnv(ShownBatch):
 
     def _told(self) -> dict[str, Any]:
         grip, everyone = self._grip, np.ones(self.num_envs, dtype=np.bool_)
-        told = {
+        info = {
             "time": self._count * ACT,
             "grip_force": grip.force,
             "lift_height": grip.lift,
@@ -364,7 +364,7 @@ class BatchEnv(ShownBatch):
             "compression": self._squeezed,
             "stress": grip.stress,
         }
-        return {**told, **{f"_{name}": everyone for name in told}}
+        return {**info, **{f"_{name}": everyone for name in info}}
 
 
 _KEPT = (

@@ -122,7 +122,7 @@ class PadLift(TaskEnv[Grip]):
             return "crushed"
         return self.GOAL if observation.lift_height >= HEIGHT else ""
 
-    def tell(self, standing: Grip) -> Mapping[str, Any]:
+    def shown(self, standing: Grip) -> Mapping[str, Any]:
         return {"stress": standing.stress}
 
     # ----

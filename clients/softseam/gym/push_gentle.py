@@ -194,7 +194,7 @@ class PushGentle(TaskEnv[Push]):
         ]
         return np.array(ends)
 
-    def tell(self, standing: Push) -> Mapping[str, Any]:
+    def shown(self, standing: Push) -> Mapping[str, Any]:
         return {"stress": standing.stress, "distance": standing.distance, "force": standing.force}
 
 

@@ -1,7 +1,7 @@
 """What a task is rewarded with: terms, each the change of a potential, times a weight that may grow with training.
 
 A term goes with every task whose body stands in a way that has what the term looks at: `StressConcentration` with all
-that tell a stress. The rewards of an episode then add up to the potentials at its end, less those at its start,
+that measure a stress. The rewards of an episode then add up to the potentials at its end, less those at its start,
 whatever the way there (Ng, Harada and Russell, Int. Conf. Machine Learning 1999, 278). Potentials are of order 1.
 """
 
@@ -222,7 +222,7 @@ class Nearness(Term[Push]):
 
 @dataclass(frozen=True)
 class Heading(Term[Push]):
-    """That the target lies straight ahead, in parts of 10 mm: far from it, its distance hardly tells what is aside."""
+    """That the target lies straight ahead, in parts of 10 mm: far away, what is aside hardly changes its distance."""
 
     weight: float | Ramp = 0.5
 

@@ -113,8 +113,8 @@ class TaskEnv(SceneEnv, Generic[Standing]):
     def ending(self, observation: Observation, standing: Standing) -> str:
         """The word with which the episode ends, "" where it goes on."""
 
-    def tell(self, standing: Standing) -> Mapping[str, Any]:
-        """What `info` tells beside the scene's quantities."""
+    def shown(self, standing: Standing) -> Mapping[str, Any]:
+        """What `info` has beside the scene's quantities."""
         return {}
 
     @property
@@ -132,7 +132,7 @@ class TaskEnv(SceneEnv, Generic[Standing]):
         self._felt = self._felt_last = Felt.nothing(self._felt_tools)
         seen, info = super().reset(seed=seed, options=options)
         self._standing = self.stands(self.session.last, None)
-        return seen, info | {"ending": ""} | dict(self.tell(self._standing))
+        return seen, info | {"ending": ""} | dict(self.shown(self._standing))
 
     def see(self, observation: Observation) -> Numbers:
         if not self._begun:
@@ -157,7 +157,7 @@ class TaskEnv(SceneEnv, Generic[Standing]):
         word = self._word or ("time" if truncated else "")
         if "failed" in info:  # more than the body bears
             reward, terminated, truncated, word = -1.0, True, False, "failed"
-        info |= {"ending": word, "is_success": word == self.GOAL, **self.tell(self._standing)}
+        info |= {"ending": word, "is_success": word == self.GOAL, **self.shown(self._standing)}
         return seen, reward, terminated, truncated, info
 
     def _advance(self, session: Session, velocities: Mapping[str, ArrayLike]) -> Observation:

@@ -161,7 +161,7 @@ class TowelFold(TaskEnv[Fold]):
             return "torn"
         return self.GOAL if standing.corners <= CORNERS and standing.area >= AREA else ""
 
-    def tell(self, standing: Fold) -> Mapping[str, Any]:
+    def shown(self, standing: Fold) -> Mapping[str, Any]:
         return {"corners": standing.corners, "area": standing.area, "stretch": standing.stretch}
 
     # ----

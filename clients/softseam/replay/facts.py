@@ -28,8 +28,8 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Mapping[str, S
     lines = [f"# {recording.scene.name}", "", f"**{verdict['text']}**", ""]
     if recording.note:
         lines += [f"> {recording.note}", ""]
-    for told in report["not_done"]:
-        lines += [f"> not done: {told}", ""]
+    for undone in report["not_done"]:
+        lines += [f"> not done: {undone}", ""]
     lines += ["| | |", "|---|---|"]
     for name, entry in report["quantities"].items():
         if entry["max"] is not None:

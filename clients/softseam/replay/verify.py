@@ -28,7 +28,7 @@ Opener = Callable[[Bundle, int], AbstractContextManager[Resimulation]]
 
 @dataclass(frozen=True)
 class Verification:
-    """steps compared, the first that differs (or None), and what to tell the user."""
+    """steps compared, the first that differs (or None), and what to say to the user."""
 
     steps: int
     frames: int

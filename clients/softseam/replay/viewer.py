@@ -15,7 +15,7 @@ from typing import NoReturn
 import rerun_cli
 
 REPORTING = "SOFTSEAM_RERUN_ANALYTICS"
-"""environment variable; where it is 1 the viewer reports its usage as `rerun analytics` was told to"""
+"""environment variable; where it is 1 the viewer reports its usage as `rerun analytics` set it"""
 _GRACE = 5.0
 """time that a viewer gets to end by itself [s]"""
 

@@ -83,8 +83,8 @@ def draw_scene(
     ]
     figure = Figure(figsize=(11.0, 9.2), dpi=120, facecolor=PAPER)
     moved = sum(np.ptp(tool.way, axis=0).max() > 0.0 for tool in tools)
-    told = f"{len(bodies)} {'body' if len(bodies) == 1 else 'bodies'}, {len(tools)} tools, {moved} of them moved"
-    heading(figure, scene.name.replace("_", " "), f"{told}; as it starts, nothing is simulated")
+    counted = f"{len(bodies)} {'body' if len(bodies) == 1 else 'bodies'}, {len(tools)} tools, {moved} of them moved"
+    heading(figure, scene.name.replace("_", " "), f"{counted}; as it starts, nothing is simulated")
     axes = figure.subplots(2, 2).ravel()
     figure.subplots_adjust(left=0.012, right=0.988, top=0.885, bottom=0.07, wspace=0.03, hspace=0.09)
     seen = _seen(everything, tools, extent)

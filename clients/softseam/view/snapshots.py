@@ -80,8 +80,8 @@ class _Shown:
 
 
 def _tones(body: str, builder: ReportBuilder) -> tuple[colors.Tone, colors.Tone]:
-    told = {name: tone for name, (_, tone) in colors.parts(builder.columns.models).items()}
-    near, far = (told.get(within(body, part), tone) for part, tone in (("near", colors.NEAR), ("far", colors.FAR)))
+    tone_of = {name: tone for name, (_, tone) in colors.parts(builder.columns.models).items()}
+    near, far = (tone_of.get(within(body, part), tone) for part, tone in (("near", colors.NEAR), ("far", colors.FAR)))
     return near, far
 
 

@@ -91,8 +91,8 @@ def fill(of: Map, store: Store, watch: Watch) -> Filled:
         key = of.key(cell)
         verdict = _kept(key, store)
         if verdict is None:
-            told = Configuration(key, "as it is", f"{of.title}: {cell.label}", (), cell.seconds)
-            watch(told, (1 + RUNS) * cell.seconds)
+            shown = Configuration(key, "as it is", f"{of.title}: {cell.label}", (), cell.seconds)
+            watch(shown, (1 + RUNS) * cell.seconds)
             verdict = cell.run()
             store.write(key, verdict.as_json())
         verdicts[key] = verdict

@@ -164,8 +164,8 @@ def inside(verdict: Verdict) -> str:
 
 def _counted(filled: Filled) -> str:
     count = filled.count()
-    told = ", ".join(f"{count[kind]} {kind}" for kind in KINDS if count[kind])
-    return f"{len(filled.verdicts)} runs: {told}"
+    counted = ", ".join(f"{count[kind]} {kind}" for kind in KINDS if count[kind])
+    return f"{len(filled.verdicts)} runs: {counted}"
 
 
 def _per_line(widths: Sequence[float], most: float = 16.0) -> int:

@@ -16,7 +16,7 @@ Fault = Literal["repeated", "request lost", "reply lost", "an old one comes late
 
 @dataclass(frozen=True)
 class Told:
-    """What a run told: digest of all its reports and of the body's end, and its events by kind."""
+    """What a run reported: digest of all its reports and of the body's end, and its events by kind."""
 
     digest: str
     events: tuple[str, ...]
@@ -98,13 +98,13 @@ def disturbed(scene: Scene, fault: Fault | None, every: int, after: int = 10) ->
     return Told(digest.hexdigest(), kinds, failed)
 
 
-def judged(told: Told, true: Told) -> Verdict:
+def judged(faulty: Told, true: Told) -> Verdict:
     """The verdict on a disturbed run, beside the undisturbed one."""
-    restored = told.events.count(EventKind.PARTICIPANT_RESTORED)
+    restored = faulty.events.count(EventKind.PARTICIPANT_RESTORED)
     guards = ("participant restored from its checkpoint",) if restored else ()
-    if told.failed:
-        return Verdict("unstable", told.failed, None, guards, ("the run failed by name",))
-    if told.digest != true.digest:
+    if faulty.failed:
+        return Verdict("unstable", faulty.failed, None, guards, ("the run failed by name",))
+    if faulty.digest != true.digest:
         why = "not the same bits as undisturbed"
         return Verdict("inaccurate", why, None, guards, guards and ("participant_lost",))
     if restored:

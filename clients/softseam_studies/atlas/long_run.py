@@ -47,7 +47,7 @@ class LongRun:
     finite: bool
     events: int
     safeguards: int
-    """events that tell of one"""
+    """events that stand for one"""
     cpu: float
     """processor time [s]"""
 

@@ -1,4 +1,4 @@
-"""Colours of the atlas: a kind is told by colour and by letter, so that it is read without colours too."""
+"""Colours of the atlas: a kind has a colour and a letter, so that it is read without colours too."""
 
 from softseam_studies.atlas.verdicts import Kind
 

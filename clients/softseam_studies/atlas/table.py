@@ -12,7 +12,7 @@ COLUMNS = ("map", "panel", "x", "y", "kind", "silent", "control", "error", "safe
 
 
 def write_csv(maps: Sequence[Filled], path: Path) -> None:
-    """Write all maps, all or nothing; errors relative, not in per cent. One row tells of a map not computed."""
+    """Write all maps, all or nothing; errors relative, not in per cent. One row says that a map was not computed."""
     fresh = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with fresh.open("w", encoding="utf-8", newline="") as stream:

@@ -52,7 +52,7 @@ class Trace:
     events: tuple[Event, ...] = ()
     doubts: tuple[str, ...] = ()
     """warnings before the first step"""
-    told: tuple[str, ...] = ()
+    warned: tuple[str, ...] = ()
     """indicators that warned"""
     values: tuple[float, ...] = ()
     """what was measured after each step"""
@@ -150,11 +150,11 @@ class _Watch:
                 self._guards[guard] = self._guards.get(guard, 0) + 1
         trace.safeguards = self._guards
         trace.events = tuple(self._events)
-        trace.told = tuple(dict.fromkeys(told_by(trace)))
+        trace.warned = tuple(dict.fromkeys(told_by(trace)))
 
 
 def guard_of(event: Event) -> str | None:
-    """The safeguard that an event tells of; None for any other event."""
+    """The safeguard that an event stands for; None for any other event."""
     if event.kind in _GUARD_OF_KIND:
         return _GUARD_OF_KIND[event.kind]
     return next((guard for of, guard in _GUARD_OF_DETAIL.items() if of in event.details), None)
@@ -184,7 +184,7 @@ def told_by(trace: Trace) -> list[str]:
             found.append("alarm: energy from nowhere")
         if Detail.SEAM_WORK in event.details and trace.seam_work > CONFIRMED:
             found.append("alarm: the seam does work")
-        found += [told for of, told in _TOLD_BY_DETAIL.items() if of in event.details]
+        found += [text for of, text in _TOLD_BY_DETAIL.items() if of in event.details]
     return found
 
 

@@ -1,4 +1,4 @@
-"""What may become of a run, and how that is told from what the run showed."""
+"""What may become of a run, and how that is judged by what the run showed."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Verdict:
     error: float | None = None
     """relative to what is true [1]; None where there is none"""
     safeguards: tuple[str, ...] = ()
-    told: tuple[str, ...] = ()
+    warned: tuple[str, ...] = ()
     """the run's own indicators that warned"""
 
     def __post_init__(self) -> None:
@@ -45,7 +45,7 @@ class Verdict:
     @property
     def silent(self) -> bool:
         """Whether it is wrong or blew up, and no indicator of its own said so."""
-        return self.kind in ("inaccurate", "unstable") and not self.told
+        return self.kind in ("inaccurate", "unstable") and not self.warned
 
     def as_json(self) -> dict[str, Any]:
         return {
@@ -53,7 +53,7 @@ class Verdict:
             "why": self.why,
             "error": None if self.error is None else float(f"{self.error:.4g}"),
             "safeguards": list(self.safeguards),
-            "told": list(self.told),
+            "told": list(self.warned),
             "silent": self.silent,
         }
 
@@ -79,22 +79,22 @@ def judge(trace: Trace, truth: float, bound: float, what: str, source: str = "th
     guards = tuple(trace.safeguards)
     if trace.failed:
         return Verdict("unstable", trace.failed, None, guards, ("the run was given up by name",))
-    told = trace.told
+    warned = trace.warned
     if not math.isfinite(trace.value) or not trace.finite:
-        return Verdict("unstable", f"the {what} is not a number from {trace.broke:g} s on", None, guards, told)
+        return Verdict("unstable", f"the {what} is not a number from {trace.broke:g} s on", None, guards, warned)
     error = abs(trace.value - truth) / abs(truth)
     off = f"{what} off {source} by {percent(error)}"
     if trace.gap > TORN:
-        return Verdict("unstable", f"the seam tore: a gap of {trace.gap:.2g} cell edges; {off}", error, guards, told)
+        return Verdict("unstable", f"the seam tore: a gap of {trace.gap:.2g} cell edges; {off}", error, guards, warned)
     if trace.created > CREATED:
         text = f"energy from nowhere: {percent(trace.created)} of the largest; {off}"
-        return Verdict("unstable", text, error, guards, told)
+        return Verdict("unstable", text, error, guards, warned)
     if error > bound:
-        return Verdict("inaccurate", off, error, guards, told)
+        return Verdict("inaccurate", off, error, guards, warned)
     if guards:
         acted = ", ".join(f"{name} ({n} x)" if n > 1 else name for name, n in trace.safeguards.items())
-        return Verdict("recovered", f"{acted}; {off}", error, guards, told)
-    return Verdict("accurate", off, error, guards, told)
+        return Verdict("recovered", f"{acted}; {off}", error, guards, warned)
+    return Verdict("accurate", off, error, guards, warned)
 
 
 def percent(share: float) -> str:

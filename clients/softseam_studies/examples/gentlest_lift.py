@@ -1,7 +1,7 @@
 """Find the gentlest lift of one piece of tofu by gradients, in half a minute, and hold it against rules.
 
 A plan is how fast the pads close and rise, 36 times .04 s. Its loss is the largest force of a pad (a p-norm over the
-run, which has a slope everywhere) and what lacks of the lift; `Session.gradient` tells what both owe to each tool's way
+run, which has a slope everywhere) and what lacks of the lift; `Session.gradient` says what both owe to each tool's way
 in each step, and L-BFGS goes down from there. Where pads begin to slip the loss has an edge, and the gentlest plan lies
 on it. So the plan is made for less friction than the tofu has, and judged by FEM with what it has, at a quarter of the
 step.
@@ -41,13 +41,13 @@ def main(policy: Path | None = None) -> None:
     first = squeeze_and_rise()
     plan = found(first)
     print("                     lifted  largest stress")
-    tell("begun with", along(first))
-    tell("found by gradient", along(plan))
+    show("begun with", along(first))
+    show("found by gradient", along(plan))
     for name, rule in TASKS["TofuLift"].rules.items():
-        tell(name, rule)
+        show(name, rule)
     if policy is not None:
         env = TofuLift()
-        tell("learned", learned((policy / POLICY).read_bytes(), read_training(policy).algorithm, env))
+        show("learned", learned((policy / POLICY).read_bytes(), read_training(policy).algorithm, env))
         env.close()
 
 
@@ -65,10 +65,10 @@ def found(plan: Floats) -> Floats:
     env.close()
     env = TofuLift(randomise=None, settings=[f"tools.{pad}.friction={MARGIN * friction}" for pad in ("left", "right")])
     env.reset(seed=0)
-    best, runs, told = (np.inf, plan), 0, np.inf
+    best, runs, printed = (np.inf, plan), 0, np.inf
 
     def loss(numbers: Floats) -> tuple[float, Floats]:
-        nonlocal best, runs, told
+        nonlocal best, runs, printed
         plan, runs = numbers.reshape(ACTIONS, 2), runs + 1
         speed = env.speed * plan
         commands = [{"left": [close, 0.0, rise], "right": [-close, 0.0, rise]} for close, rise in speed]
@@ -76,9 +76,9 @@ def found(plan: Floats) -> Floats:
             gradient = env.session.gradient(hard_to_hold, ["way.left", "way.right"], commands=commands)
         except BadInput:  # a step that is taken in parts: go less far
             return WORTH, np.zeros(2 * ACTIONS)
-        if gradient.value < 0.95 * told:
-            told = gradient.value
-            print(f"run {runs:3d}: {told:6.2f} N")
+        if gradient.value < 0.95 * printed:
+            printed = gradient.value
+            print(f"run {runs:3d}: {printed:6.2f} N")
         if gradient.value < best[0]:
             best = (gradient.value, plan.copy())
         left, right = np.asarray(gradient["way.left"]), np.asarray(gradient["way.right"])
@@ -117,7 +117,7 @@ def along(plan: Floats) -> Rule:
     return lambda seen, info: next(left)
 
 
-def tell(name: str, act: Rule) -> None:
+def show(name: str, act: Rule) -> None:
     """Lift the piece at steps of 10 ms, and print what came of it."""
     env = TofuLift(randomise=None, step=0.01)
     info = episode(env, act, 0)

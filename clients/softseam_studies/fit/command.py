@@ -50,7 +50,9 @@ def fit_scene(wishes: Wishes, console: Console) -> Answer:
     numbers = numbers_of(scene, wishes.find)
     curve = read_curve(wishes.curve, list(scene.tools))
     if curve.force.size <= len(numbers):
-        raise BadInput(f"{wishes.curve}: {curve.force.size} forces do not tell {len(numbers)} numbers and their errors")
+        raise BadInput(
+            f"{wishes.curve}: {curve.force.size} forces do not determine {len(numbers)} numbers and their errors"
+        )
     console.print(Text("the first fit on a machine compiles for half a minute", style="dim"))
     answer = _Model(scene, bundle, curve, wishes.curve, numbers, console).fit(wishes.runs)
     _print(console, numbers, answer)
@@ -106,11 +108,11 @@ def _settings(numbers: list[Number], values: Floats) -> list[str]:
 
 def _told(number: Number, value: float, error: float, answer: Answer, place: int) -> str:
     if place in answer.untold:
-        return f"cannot be told: {answer.untold[place]}"
+        return f"cannot be determined: {answer.untold[place]}"
     if place in answer.at_bound:
         return "at a bound: begin nearer, or doubt the scene"
     if error > 0.5 * value:
-        return "hardly told: the error is as large as the number"
+        return "hardly determined: the error is as large as the number"
     return ""
 
 

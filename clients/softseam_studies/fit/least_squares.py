@@ -23,9 +23,9 @@ _DONE = 1e-4
 _IDLE = 0.05
 """of what noise as large as the residuals moves the model by: a change so small ends it, too"""
 _SEEN = 1e-6
-"""of the measured curve: a number that changes less of it, doubled, is not told by it"""
+"""of the measured curve: a number that changes less of it, doubled, is not determined by it"""
 _APART = 1e-3
-"""least singular value of columns of length 1 that are told apart"""
+"""least singular value of columns of length 1 that are distinguished"""
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class Answer:
     values: Floats
     """(n,)"""
     errors: Floats
-    """standard errors, NaN where a number is not told (n,)"""
+    """standard errors, NaN where a number is not determined (n,)"""
     untold: dict[int, str]
-    """numbers that the measurements do not tell, and why; these are as they were at the start"""
+    """numbers that the measurements do not determine, and why; these are as they were at the start"""
     residual: float
     """root mean square of what is left, in units of what is measured"""
     runs: int
@@ -56,11 +56,11 @@ def fit(
     found, jacobian = model(values)
     runs += 1
     untold = not_told(jacobian * values, measured, names)
-    told = np.array([n not in untold for n in range(len(values))])
-    settled = not told.any()
+    known = np.array([n not in untold for n in range(len(values))])
+    settled = not known.any()
     while not settled:
         step = np.zeros_like(values)
-        free = told.copy()
+        free = known.copy()
         for _ in values:  # a number that would leave its bounds stays there, and the others go on without it
             step[:] = 0.0
             scaled = jacobian[:, free] * values[free]
@@ -73,7 +73,7 @@ def fit(
             if not free.any():
                 break
         goal = np.clip(values + step, np.maximum(low, values / _FACTOR), np.minimum(high, values * _FACTOR))
-        if np.all(np.abs(goal - values) <= _DONE * values) or _is_idle(jacobian @ step, found - measured, told):
+        if np.all(np.abs(goal - values) <= _DONE * values) or _is_idle(jacobian @ step, found - measured, known):
             values, settled = goal, True
             break
         cost = float(np.sum((found - measured) ** 2))
@@ -91,19 +91,19 @@ def fit(
                     break
         if runs >= most:
             break
-    errors, residual = _errors(jacobian, found - measured, values, told)
-    held = tuple(int(n) for n in np.flatnonzero(told & ((values <= low) | (values >= high))))
+    errors, residual = _errors(jacobian, found - measured, values, known)
+    held = tuple(int(n) for n in np.flatnonzero(known & ((values <= low) | (values >= high))))
     return Answer(values, errors, untold, residual, runs, settled, held)
 
 
-def _is_idle(change: Floats, residuals: Floats, told: NDArray[np.bool_]) -> bool:
+def _is_idle(change: Floats, residuals: Floats, known: NDArray[np.bool_]) -> bool:
     """Whether a step changes the model by less than noise does."""
-    spare = max(1, len(residuals) - int(told.sum()))
+    spare = max(1, len(residuals) - int(known.sum()))
     return bool(change @ change <= _IDLE**2 * float(residuals @ residuals) / spare)
 
 
 def not_told(scaled: Floats, measured: Floats, names: Sequence[str]) -> dict[int, str]:
-    """Numbers that measurements cannot tell, and why; scaled (m, n): their relative changes' effect on these (m,)."""
+    """Numbers that no measurement determines, and why; scaled (m, n): their relative changes' effect on these (m,)."""
     size = np.linalg.norm(scaled, axis=0)
     untold = {
         int(n): "the curve does not change with it"
@@ -122,13 +122,13 @@ def not_told(scaled: Floats, measured: Floats, names: Sequence[str]) -> dict[int
     return untold
 
 
-def _errors(jacobian: Floats, residuals: Floats, values: Floats, told: NDArray[np.bool_]) -> tuple[Floats, float]:
+def _errors(jacobian: Floats, residuals: Floats, values: Floats, known: NDArray[np.bool_]) -> tuple[Floats, float]:
     """Standard errors (n,), and the root mean square of the residuals."""
-    errors, count = np.full(len(values), np.nan), int(told.sum())
+    errors, count = np.full(len(values), np.nan), int(known.sum())
     square = float(residuals @ residuals)
     spare = len(residuals) - count
     if count and spare > 0:
-        scaled = jacobian[:, told] * values[told]
+        scaled = jacobian[:, known] * values[known]
         covariance = np.linalg.pinv(scaled.T @ scaled) * square / spare
-        errors[told] = np.sqrt(np.diag(covariance)) * values[told]
+        errors[known] = np.sqrt(np.diag(covariance)) * values[known]
     return errors, float(np.sqrt(square / max(1, len(residuals))))

@@ -86,11 +86,11 @@ class Watched:
         self._actions: list[list[float]] = []
         self._trace: list[list[float]] = []
 
-    def see(self, action: Floats, told: Mapping[str, Any], over: bool) -> Episode | None:
-        """A step of the batch, that ended with `told`; the episode that is over with it."""
+    def see(self, action: Floats, info: Mapping[str, Any], over: bool) -> Episode | None:
+        """A step of the batch, that ended with `info`; the episode that is over with it."""
         if self._next is None:
             self._next = self._state()
-        last = told["final_info"] if over else told
+        last = info["final_info"] if over else info
         self._actions.append([float(part) for part in np.clip(action, -1.0, 1.0)])
         row = np.nan_to_num([last[name][0] for name in ("stress", "grip_force", "lift_height")])
         self._trace.append([float(number) for number in row])

@@ -59,9 +59,9 @@ class Beside:
         """Another one, which goes on where that stopped."""
         self._watched = Watched(batch)
 
-    def see(self, actions: Any, told: Mapping[str, Any], over: Any) -> None:
-        """A step of the batch: actions (k, 2), what it told, and which episodes ended with it (k,)."""
-        episode = self._watched.see(actions[0], told, bool(over[0]))
+    def see(self, actions: Any, info: Mapping[str, Any], over: Any) -> None:
+        """A step of the batch: actions (k, 2), what it reported, and which episodes ended with it (k,)."""
+        episode = self._watched.see(actions[0], info, bool(over[0]))
         if episode is not None and self._under_way is None and episode.steps >= self._last + self._every:
             self._begin(episode)
 
@@ -95,7 +95,7 @@ class Beside:
             self._process.stdin.write(json.dumps(asdict(episode)).encode() + b"\n")
             self._process.stdin.flush()
         except BrokenPipeError:
-            pass  # `alive` tells it
+            pass  # `alive` shows it
 
     def _read(self) -> None:
         assert self._process.stdout is not None

@@ -77,15 +77,15 @@ class Sessions(VectorEnv[Numbers, Numbers, Any]):
         rows = [row for share in self._ask("step", np.asarray(actions)) for row in share]
         seen, reward, terminated, truncated, last, info = zip(*rows, strict=True)
         ended = np.array([bool(each) for each in info])
-        told: dict[str, Any] = {}
+        shown: dict[str, Any] = {}
         if ended.any():
             final = np.full(self.num_envs, None, dtype=object)
             for i in np.flatnonzero(ended):
                 final[i] = last[i]
             numbers = [name for name, value in info[int(np.argmax(ended))].items() if not isinstance(value, str)]
             all_of = {name: np.array([each.get(name, 0.0) for each in info]) for name in numbers}
-            told = {"final_obs": final, "final_info": all_of, "_final_obs": ended, "_final_info": ended}
-        return np.array(seen), np.array(reward), np.array(terminated), np.array(truncated), told
+            shown = {"final_obs": final, "final_info": all_of, "_final_obs": ended, "_final_info": ended}
+        return np.array(seen), np.array(reward), np.array(terminated), np.array(truncated), shown
 
     def close_extras(self, **kwargs: Any) -> None:
         for pipe in self._pipes:

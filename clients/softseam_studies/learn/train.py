@@ -350,11 +350,11 @@ def _shown(console: Console, training: Training) -> tuple[Callable[[_Keeper], No
     if console.is_terminal:
         bar = Bar(console, title, float(training.steps), "")
         return (lambda keeper: bar.show(float(keeper.training.done), keeper.state)), bar.stop
-    told = [training.done]
+    shown = [training.done]
 
     def line(keeper: _Keeper) -> None:
-        if keeper.training.done >= told[0] + max(training.steps // 10, 1):
-            told[0] = keeper.training.done
+        if keeper.training.done >= shown[0] + max(training.steps // 10, 1):
+            shown[0] = keeper.training.done
             console.print(
                 f"{title}: {keeper.training.done:,} of {training.steps:,} steps; {keeper.state}", highlight=False
             )

@@ -8,14 +8,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 
 Watch = Callable[[Any, Mapping[str, Any], Any], None]
-"""what sees each step: actions (k, 2), what the batch told, and which episodes ended with it (k,)"""
+"""what sees each step: actions (k, 2), what the batch reported, and which episodes ended with it (k,)"""
 
 
 class BatchVec(VecEnv):  # type: ignore[misc]
     """Episodes that end are followed at once; `infos` are empty but where one ended."""
 
     def __init__(self, batch: VectorEnv[Any, Any, Any], hardship: str = "stress", deadline: bool = False) -> None:
-        """hardship  what is told of an episode that ended, beside its success: a name in `info`
+        """hardship  what is reported of an episode that ended, beside its success: a name in `info`
         deadline  whether one that runs out of time has ended, and nothing that would have come counts
         """
         if batch.metadata["autoreset_mode"] is not AutoresetMode.SAME_STEP:
@@ -37,17 +37,17 @@ class BatchVec(VecEnv):  # type: ignore[misc]
         self._taken = actions
 
     def step_wait(self) -> tuple[Any, Any, Any, list[dict[str, Any]]]:
-        seen, reward, terminated, truncated, told = self.batch.step(self._taken)
+        seen, reward, terminated, truncated, info = self.batch.step(self._taken)
         self._returned += reward
         self._length += 1
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         done = terminated | truncated
         if self.watch is not None:
-            self.watch(self._taken, told, done)
+            self.watch(self._taken, info, done)
         for i in np.flatnonzero(done):
-            last = told["final_info"]
+            last = info["final_info"]
             infos[i] = {
-                "terminal_observation": told["final_obs"][i],
+                "terminal_observation": info["final_obs"][i],
                 "TimeLimit.truncated": bool(truncated[i]) and not self._deadline,
                 "is_success": bool(last["is_success"][i]),
                 "hardship": float(last[self._hardship][i]),

@@ -70,7 +70,7 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
         store.clear()
     wanted = [*configurations(study.frame), *classic_configurations(study.frame)]
     wanted.sort(key=lambda one: (one.seconds, one.key))
-    finished(store, wanted)  # what is spoilt is told before a reference is made
+    finished(store, wanted)  # what is spoilt is named before a reference is made
     levels = study.levels(names, fresh=wishes.fresh)
     budget = 60.0 * wishes.minutes
     with ChartProgress(console) as progress:
@@ -91,8 +91,8 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
     rows = rows_of(wanted, outcomes, reference)
     if all(row.error is None for row in rows):
         least = min(rows, key=lambda row: row.configuration.seconds)
-        told = f"{least.configuration.label}: {least.outcome.reason}"
-        raise SoftseamError(f"none of {len(rows)} configurations ran to its end, there is nothing to draw ({told})")
+        reason = f"{least.configuration.label}: {least.outcome.reason}"
+        raise SoftseamError(f"none of {len(rows)} configurations ran to its end, there is nothing to draw ({reason})")
     here = study.identity.machine if wishes.ray is None else f"processors of the Ray cluster at {wishes.ray}"
     _write(folder, study, here, rows, reference, rivals)
     _tell(console, folder, rows, reference, perf_counter() - began)

@@ -73,11 +73,11 @@ def _one(
         "velocity": body.velocity,
         "damping": body.damping,
     }
-    told = [name for name in frame.scene.quantities if QUANTITIES[name].of != "cells"]
+    kept = [name for name in frame.scene.quantities if QUANTITIES[name].of != "cells"]
     settings = (
         f"body={json.dumps(solid)}",
         "regions={default: pbd}",
-        f"quantities={json.dumps(told)}",
+        f"quantities={json.dumps(kept)}",
         f"step={step:.9g}",
         f"models.pbd={{method: pbd, substeps: 1, sweeps: {iterations}, "
         f"classic: {{stretch: {share:.6g}, volume: {share:.6g}}}}}",

@@ -281,16 +281,16 @@ def _hybrid(frame: Frame) -> Iterator[Configuration]:
         return
     ways: dict[str, tuple[str, ...]] = {"": (), ", one block a cell": ("models.pbd.coarse={beyond: 0}",)}
     if regions.within is not None:
-        for reach, told in ((0.5, ", half as wide"), (2.0, ", twice as wide")):
-            ways[told] = (f"regions.near.within={reach * regions.within:.9g}",)
+        for reach, words in ((0.5, ", half as wide"), (2.0, ", twice as wide")):
+            ways[words] = (f"regions.near.within={reach * regions.within:.9g}",)
     for counts, factors in _cells_and_factors(frame, ((2, (2, 1)), (3, (2, 1)), (4, (2, 1))), (2, 1)):
-        for told, region in ways.items():
-            for factor in factors if told in ("", ", one block a cell") else (1,):
+        for words, region in ways.items():
+            for factor in factors if words in ("", ", one block a cell") else (1,):
                 cells = (*frame.cells(counts), *frame.symmetry(()))
                 settings = ("regions.near.split=always", *cells, f"step={factor * step:.9g}", *region)
-                label = f"hybrid {cells_named(frame, counts)}, {ms(factor * step)}{told}"
+                label = f"hybrid {cells_named(frame, counts)}, {ms(factor * step)}{words}"
                 seconds = 3.0 * fem_seconds(frame, frame.n_cells(counts), factor * step)
-                way = told.replace(",", "").replace(" ", "-")
+                way = words.replace(",", "").replace(" ", "-")
                 key = f"hybrid-{cells_named(frame, counts)}-{ms(factor * step, '')}{way}"
                 yield Configuration(key, "hybrid", label, settings, seconds)
 

@@ -57,12 +57,12 @@ def draw_chart(
 ) -> Figure:
     """The picture, in which the group of a run's mark is called run-KEY."""
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=150, facecolor=PAPER)
-    told = _wrapped(subtitle(reference, machine, rows), ABOVE)
-    heading(figure, f"Accuracy against speed: {title}", told)
+    below_title = _wrapped(subtitle(reference, machine, rows), ABOVE)
+    heading(figure, f"Accuracy against speed: {title}", below_title)
     below = _wrapped("\n".join(_notes(rows, reference)), BELOW)
     figure.text(0.06, 0.012, below, fontsize=8.5, color=SOFT, ha="left", va="bottom")
     # lines of text move the axes
-    down, up = 0.21 * max(0, told.count("\n") - 1), 0.15 * below.count("\n")
+    down, up = 0.21 * max(0, below_title.count("\n") - 1), 0.15 * below.count("\n")
     axes = figure.subplots()
     figure.subplots_adjust(left=0.06, right=0.66, top=1.0 - (1.72 + down) / HEIGHT, bottom=(0.80 + up) / HEIGHT)
     plain(axes, "")
@@ -130,7 +130,7 @@ def _places(rows: Sequence[Row], marks: Sequence[Landmark]) -> Iterator[tuple[fl
 
 def _scales(axes: Axes, at: Sequence[tuple[float, float]], reference: Reference) -> None:
     """Both axes in words: 0.1x .. 100x real time, errors in per cent, accuracies at the right; and the errors that the
-    reference cannot tell from none."""
+    reference does not distinguish from none."""
     speeds, known = [x for x, _ in at] or [1.0], reference.uncertainty
     low = min([y for _, y in at if y > 0.0] + [known if known > 0.0 else 0.01, 0.1]) / 1.9
     axes.set_xlim(min(speeds) / 1.7, 2.2 * max(speeds))
@@ -153,7 +153,7 @@ def _scales(axes: Axes, at: Sequence[tuple[float, float]], reference: Reference)
         axis.set_minor_locator(NullLocator())
     if low < known < WORST:
         axes.axhspan(low, known, color=BAND, zorder=0, linewidth=0)
-        text = "  errors down here cannot be told: the reference is as uncertain"
+        text = "  errors down here are not known: the reference is as uncertain"
         axes.text(axes.get_xlim()[0], known / 1.03, text, fontsize=9, color=SOFT, va="top")
 
 

@@ -26,7 +26,7 @@ FAINT = 0.01
 
 BELIEVED = 0.2
 """a stress that is known worse bounds no run: beside an edge it may grow without end, and levels that are so far from
-one another cannot tell (docs/decisions/36) [1]"""
+one another do not distinguish (docs/decisions/36) [1]"""
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ class Error:
     value: float
     """[1]"""
     bound: bool
-    """whether `value` is the reference's uncertainty, below which the error lies and cannot be told"""
+    """whether `value` is the reference's uncertainty, below which the error lies and is not known"""
     differs: float
-    """what the run differs from the reference by, told or not [1]"""
+    """what the run differs from the reference by, known or not [1]"""
 
 
 def scale_of(name: str, values: Floats, travel: Floats, time: Floats) -> float:

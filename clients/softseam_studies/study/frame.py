@@ -292,8 +292,8 @@ class Frame:
         if own is not None and asked != (own.borders == "materials"):
             found.append(f"body.shape.borders={'materials' if asked else 'even'}")
         if own is not None and grading != own.grading:
-            told = json.dumps(grading) if isinstance(grading, tuple) else f"{grading:g}"
-            found.append(f"body.shape.grading={told}")
+            text = json.dumps(grading) if isinstance(grading, tuple) else f"{grading:g}"
+            found.append(f"body.shape.grading={text}")
         if own is not None and towards != own.towards:
             found.append(f"body.shape.towards={json.dumps(towards)}")
         return tuple(found)

@@ -36,7 +36,7 @@ Floats = NDArray[np.float64]
 Resolution = tuple[float, float]
 """of a level: cells along the body's shortest edge, and the step [s]"""
 Watch = Callable[[str, float], Told]
-"""told what is computed now and its foreseen seconds; returns what is told of its progress"""
+"""receives what is computed now and its foreseen seconds; returns what hears of its progress"""
 
 COARSEST = 2
 """cells along the body's shortest edge that a reference begins with"""
@@ -114,7 +114,7 @@ class Levels:
         last = max(self.done, default=None, key=lambda size: (size[0] <= across, size[0], size[1] == step, -size[1]))
         return rough if last is None else rough * self.done[last].spent / self.configuration(*last).seconds
 
-    def run(self, across: float, step: float, limit_s: float, told: Told | None = None) -> Outcome:
+    def run(self, across: float, step: float, limit_s: float, report: Told | None = None) -> Outcome:
         """A level, from the cache where it is there. Raises SoftseamError where it cannot be computed."""
         found = self.cached(across, step)
         if found is None:
@@ -126,7 +126,7 @@ class Levels:
                 limit=limit_s,
                 left=self.left,
                 length=self.frame.length,
-                told=told,
+                report=report,
                 # at the common times, all: what is looked at every few steps would differ by where that falls
                 look=max(1, round(self.frame.scene.step / step)),
             )

@@ -29,7 +29,7 @@ ENOUGH = 12.0
 
 Status = Literal["done", "refused", "failed", "stopped", "left out"]
 Told = Callable[[float], None]
-"""told now and then how much of a run is done, 0 to 1"""
+"""hears now and then how much of a run is done, 0 to 1"""
 
 
 Clock = Callable[[], tuple[float, float]]
@@ -163,7 +163,7 @@ def measure(
     limit: float = 600.0,
     length: float | None = None,
     left: Callable[[], float] = lambda: math.inf,
-    told: Told | None = None,
+    report: Told | None = None,
     look: int = 0,
     worth: Callable[[Outcome], bool] = lambda _: True,
 ) -> Outcome:
@@ -182,7 +182,7 @@ def measure(
         with compile_clock() as clock, open_as_given(scene, settings=settings) as session:
             start = session.reset()
             setup = perf_counter() - began - clock()[0]
-            first = _followed(session, start, names, clock, left, limit=limit, length=length, told=told, look=look)
+            first = _followed(session, start, names, clock, left, limit=limit, length=length, report=report, look=look)
             first = replace(first, setup=setup)
             return _timed(session, first, clock, left, runs if first.status == "done" and worth(first) else 0)
     except SceneRefused as error:
@@ -200,7 +200,7 @@ def _followed(
     *,
     limit: float,
     length: float | None,
-    told: Told | None,
+    report: Told | None,
     look: int,
 ) -> Outcome:
     """Run a session that was just reset to its end, or to its limit, within a step where that takes so long."""
@@ -217,8 +217,8 @@ def _followed(
         builder.add(observation)
         if late():
             raise _Stopped
-        if told is not None and length:
-            told(min(1.0, observation.time / length))
+        if report is not None and length:
+            report(min(1.0, observation.time / length))
 
     status: Status = "done"
     reason = ""

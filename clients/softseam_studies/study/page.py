@@ -1,4 +1,4 @@
-"""The chart as one HTML file: no network, no script; pointing at a mark tells what it is, and a table has every run."""
+"""The chart as one HTML file: no network, no script; pointing at a mark shows what it is, and a table has every run."""
 
 import html
 from collections.abc import Iterator, Mapping

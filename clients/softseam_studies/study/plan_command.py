@@ -79,7 +79,7 @@ def find(
 ) -> Plan:
     """The plan, from the cache where it is there and as many minutes would have found no other.
 
-    begins  is told what begins, and how long it may take, where nothing that is stored will do
+    begins  hears what begins, and how long it may take, where nothing that is stored will do
     began   as of `plan`
     """
     began, goal = perf_counter() if began is None else began, _goal(wishes)
@@ -178,7 +178,7 @@ def search(
                 limit=budget,
                 left=deadline.left,
                 length=study.frame.length,
-                told=progress.configuration(one, one.seconds),
+                report=progress.configuration(one, one.seconds),
                 look=1,
                 worth=worth,
             )

@@ -56,8 +56,8 @@ def promised(scene: Scene, names: Iterable[str]) -> tuple[str, ...]:
     given, asked = prescribed(scene), tuple(names)
     if found := tuple(name for name in asked if name not in given):
         return found
-    told = "; ".join(f"{label(name)} ({given[name]})" for name in asked)
-    raise NoPlan(f"{_NOTHING}: {told}; {_ASK_FOR_MORE}")
+    texts = "; ".join(f"{label(name)} ({given[name]})" for name in asked)
+    raise NoPlan(f"{_NOTHING}: {texts}; {_ASK_FOR_MORE}")
 
 
 def counts_to(tolerance: float) -> float:
@@ -104,8 +104,8 @@ def choose(
         )
     counted = {name: reference.truth[name] for name in reference.counted}
     if all(rms(true.values, reference.time) <= goal.tolerance * true.scale for true in counted.values()):
-        told = " and ".join(label(name) for name in counted)
-        raise NoPlan(f"{_NOTHING}: {told} is so little that a run in which nothing happens has it; {_ASK_FOR_MORE}")
+        names = " and ".join(label(name) for name in counted)
+        raise NoPlan(f"{_NOTHING}: {names} is so little that a run in which nothing happens has it; {_ASK_FOR_MORE}")
     search = _Search(goal, reference, measure)
     for one, outcome in levels:
         search.take(one, outcome)

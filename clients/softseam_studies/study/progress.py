@@ -47,11 +47,11 @@ class ChartProgress:
         began = perf_counter()
         self._say(text, 0.0, f"some {seconds:.0f} s" if seconds >= 1.0 else "", force=True)
 
-        def told(done: float) -> None:
+        def show(done: float) -> None:
             taken = perf_counter() - began
             self._say(text, done, f"ETA {taken / done - taken:.0f} s" if done > 0.05 else "")
 
-        return told
+        return show
 
     def known(self, reference: Reference) -> None:
         """The reference is there."""
@@ -81,10 +81,10 @@ class ChartProgress:
         text = f"{at + 1} of {len(keys)}: {configuration.label}"
         self._told(text, before, 0.0)
 
-        def told(done: float) -> None:
+        def show(done: float) -> None:
             self._told(text, before, done * self._rough[configuration.key])
 
-        return told
+        return show
 
     def _told(self, text: str, before: float, part: float) -> None:
         done = before + part - self._finished

@@ -44,9 +44,9 @@ def refine(levels: Levels, budget: float, watch: Watch, target: float = TARGET, 
         late = deadline is not None and not deadline.fits(foreseen, (1.0 - share) * budget)
         if new and levels.done and (late or foreseen > left):
             return False
-        told = watch(f"reference: {levels.configuration(across, step).label}", foreseen) if new else None
+        report = watch(f"reference: {levels.configuration(across, step).label}", foreseen) if new else None
         try:
-            return levels.run(across, step, max(1.0, left), told).status == "done"
+            return levels.run(across, step, max(1.0, left), report).status == "done"
         except SoftseamError:
             if len(levels.done) < FEWEST:
                 raise

@@ -12,7 +12,7 @@ J may be a curve over time; |.| is then the norm that is handed in, p one number
 
 Not every sequence is such a power. Where a tool's edge falls on cells, J goes to and fro about its limit with no order
 at all (Eca and Hoekstra, J. Comput. Phys. 262 (2014) 104: "scatter"), and stress at a sharp edge grows without one.
-Changes tell them apart: what scatters turns back, d2 . d1 <= 0, and in a norm of a scalar product
+Changes distinguish them: what scatters turns back, d2 . d1 <= 0, and in a norm of a scalar product
 
     d2 . d1 <= 0   where   |d1 + d2| <= |d2 - d1|                                          (3)
 """
@@ -57,7 +57,7 @@ def limit(h: Sequence[float], levels: Sequence[Floats], norm: Norm) -> Limit:
     """The limit for h -> 0 of levels computed at falling h.
 
     Along one way it is known to its distance from the finest level, or to what that level changed in it, whichever is
-    more. To and fro, to the whole way of the last four levels. Three levels cannot tell luck from order: what either
+    more. To and fro, to the whole way of the last four levels. With three levels luck may look like order: what either
     of their changes leaves at the slowest order counts, too. With two levels, all of that way.
     """
     demand_falling(h, levels)

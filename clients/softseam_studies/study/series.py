@@ -89,7 +89,7 @@ class SeriesBuilder:
         self._rows.append([found.get(name, np.nan) for name in self.names])
 
     def build(self) -> Series:
-        """Of what was told at any time: the particles of a body that has cells elsewhere have no stress."""
+        """Of what was reported at any time: the particles of a body that has cells elsewhere have no stress."""
         columns = np.array(self._rows, dtype=np.float64).reshape(-1, len(self.names)).T
         values = {name: column.copy() for name, column in zip(self.names, columns, strict=True) if name in self._told}
         return Series(np.array(self._time), np.array(self._travel), values)

@@ -84,8 +84,8 @@ class Store:
         for part, ours in asdict(self._identity).items():
             theirs = dict(document["identity"]).get(part)
             if theirs != ours:
-                told = {"scene": self._other, "code": "other code", "machine": f"another machine ({theirs})"}
-                raise self.refused(name, f"belongs to {told[part]}")
+                whose = {"scene": self._other, "code": "other code", "machine": f"another machine ({theirs})"}
+                raise self.refused(name, f"belongs to {whose[part]}")
         return data
 
     def outcome(self, name: str) -> Outcome | None:

@@ -17,7 +17,7 @@ LONGEST = 0.25
 """share of the budget that a single run may take [1]"""
 
 Watch = Callable[[Configuration, float], Told]
-"""told which configuration runs now and its foreseen seconds; returns what is told of its progress"""
+"""receives which configuration runs now and its foreseen seconds; returns what hears of its progress"""
 
 
 def finished(store: Store, wanted: Sequence[Configuration]) -> dict[str, Outcome]:
@@ -43,7 +43,7 @@ def sweep(
     runs    timed runs of a configuration
     jobs    processes that run configurations side by side
     ray     address of a Ray cluster that runs them in place of this machine, see `Workers`
-    lost    told of each of its workers that is lost
+    lost    hears of each of its workers that is lost
     """
     outcomes, pace, spent = finished(store, wanted), dict[str, float](), 0.0
     for one in wanted:
@@ -71,9 +71,9 @@ def sweep(
             if once > min(left, LONGEST * budget):
                 outcomes[one.key] = Outcome("left out", f"a run would take some {once:.2g} s: give more --minutes")
                 continue
-            told = watch(one, (1 + runs) * once)
+            report = watch(one, (1 + runs) * once)
             limit = min(left, max(SLACK * once, LONGEST * budget))
-            runners.begin(one, ((*study.settings, *one.settings), limit), told)
+            runners.begin(one, ((*study.settings, *one.settings), limit), report)
         for one, outcome in runners.ended(0):
             done(one, outcome)
     return outcomes

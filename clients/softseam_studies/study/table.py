@@ -84,8 +84,8 @@ def core_share(rows: Sequence[Row]) -> float:
 
 def busy_by(share: float) -> str:
     """The same of a share of a core [1]."""
-    told = f"; other work left the runs {100 * share:.0f} % of a core, so their processor time counts"
-    return "" if share > 0.85 else told
+    text = f"; other work left the runs {100 * share:.0f} % of a core, so their processor time counts"
+    return "" if share > 0.85 else text
 
 
 def row_json(row: Row) -> dict[str, Any]:

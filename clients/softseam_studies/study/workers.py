@@ -30,10 +30,10 @@ class Measuring:
     runs: int
     length: float
 
-    def __call__(self, work: Work, told: Told | None = None) -> Outcome:
+    def __call__(self, work: Work, report: Told | None = None) -> Outcome:
         settings, limit = work
         return measure(
-            self.scene, settings, self.names, runs=self.runs, limit=limit, length=self.length, told=told, look=1
+            self.scene, settings, self.names, runs=self.runs, limit=limit, length=self.length, report=report, look=1
         )
 
 
@@ -42,8 +42,8 @@ class Runners(Protocol):
 
     size: int
 
-    def begin(self, one: Configuration, work: Work, told: Told) -> None:
-        """Have a configuration run; `told` of its progress where this process runs it."""
+    def begin(self, one: Configuration, work: Work, report: Told) -> None:
+        """Have a configuration run; `report` hears of its progress where this process runs it."""
 
     def ended(self, most: int) -> Ended:
         """Those that ended, waiting until no more than so many run."""
@@ -57,8 +57,8 @@ class Here:
     def __init__(self, measuring: Measuring) -> None:
         self._measuring, self._done = measuring, list[tuple[Configuration, Outcome]]()
 
-    def begin(self, one: Configuration, work: Work, told: Told) -> None:
-        self._done.append((one, self._measuring(work, told)))
+    def begin(self, one: Configuration, work: Work, report: Told) -> None:
+        self._done.append((one, self._measuring(work, report)))
 
     def ended(self, most: int) -> Ended:
         while len(self._done) > most:
@@ -73,7 +73,7 @@ class Processes:
         self._pool = stack.enter_context(ProcessPoolExecutor(size, context, initializer=_begin_process))
         self._measuring, self.size, self._begun = measuring, size, dict[Future[Outcome], Configuration]()
 
-    def begin(self, one: Configuration, work: Work, told: Told) -> None:
+    def begin(self, one: Configuration, work: Work, report: Told) -> None:
         self._begun[self._pool.submit(self._measuring, work)] = one
 
     def ended(self, most: int) -> Ended:
@@ -90,7 +90,7 @@ class OnCluster:
         self._workers: Workers[Work, Outcome] = stack.enter_context(Workers(address, make, lost))
         self.size, self._begun = self._workers.size, dict[int, Configuration]()
 
-    def begin(self, one: Configuration, work: Work, told: Told) -> None:
+    def begin(self, one: Configuration, work: Work, report: Told) -> None:
         self._begun[self._workers.begin(work)] = one
 
     def ended(self, most: int) -> Ended:

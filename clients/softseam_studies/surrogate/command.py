@@ -45,11 +45,11 @@ def make_surrogate(wishes: Wishes, console: Console) -> Surrogate:
     scene, _ = bundle_of(wishes.scene)
     checked(scene, varied, wishes.settings)
 
-    def tell(done: int) -> None:
+    def show(done: int) -> None:
         if done % max(1, wishes.runs // _TENTH) == 0:
             console.print(Text(f"{done} of {wishes.runs} runs", style="dim"))
 
-    found = learn(wishes.scene, varied, names, wishes.runs, wishes.settings, tell)
+    found = learn(wishes.scene, varied, names, wishes.runs, wishes.settings, show)
     try:
         found.write(wishes.out)
     except OSError as error:
@@ -69,5 +69,5 @@ def _print(found: Surrogate, console: Console) -> None:
         table.add_column(f"{squeeze:.1%}", justify="right")
     for name, claim in zip(found.quantities, found.claims, strict=True):
         row = np.expm1(np.interp(np.log(squeezes), np.log(found.squeezes), claim))
-        table.add_row(f"{name} is told to", *(f"{share:.1%}" for share in row))
+        table.add_row(f"{name} is given to", *(f"{share:.1%}" for share in row))
     console.print(table)

@@ -25,7 +25,7 @@ def learn(
     progress: Callable[[int], None] = lambda done: None,
     seed: int = 0,
 ) -> Surrogate:
-    """A surrogate of a scene whose motion squeezes its body; progress is told how many runs were made.
+    """A surrogate of a scene whose motion squeezes its body; progress hears how many runs were made.
 
     Raises BadInput for what cannot be fitted, SceneRefused for values that the scene cannot have, and SimulationFailed.
     """

@@ -47,7 +47,7 @@ class Surrogate:
     varied: tuple[Varied, ...]
     quantities: tuple[str, ...]
     squeezes: Floats
-    """at which they are told (g,), rising [1]"""
+    """at which they are given (g,), rising [1]"""
     degree: int
     coefficients: Floats
     """(k, m, g)"""
@@ -72,7 +72,7 @@ class Surrogate:
                 raise BadInput(f"{one.key}={values[one.key]!r}: runs were made from {one.low:g} to {one.high:g}")
         first, last = float(self.squeezes[0]), float(self.squeezes[-1])
         if not first <= squeeze <= last:
-            raise BadInput(f"squeeze={squeeze!r}: runs tell of {first:.3g} to {last:.3g}")
+            raise BadInput(f"squeeze={squeeze!r}: runs are of {first:.3g} to {last:.3g}")
         within = np.array([[one.within(values[one.key]) for one in self.varied]])
         after = min(max(1, int(np.searchsorted(self.squeezes, squeeze))), len(self.squeezes) - 1)
         before, then = self.squeezes[after - 1 : after + 1].tolist()

@@ -3,7 +3,7 @@
 Every wait is bounded and every failure has a type. Requests are answered by one thread a server, whatever the number
 of keys; zenoh's own threads only put things into queues. Nothing here knows a scene or a solver.
 
-An empty reply is a hard error, because it cannot tell whether the request ran: whoever asks repeats the same request,
+An empty reply is a hard error, because it does not show whether the request ran: whoever asks repeats the same request,
 and servers answer a repeated request with the same bytes.
 """
 
@@ -222,7 +222,7 @@ class Bus(BusSession):
         """Keys of the tokens that exist now."""
         replies = self._on_session(lambda session: session.liveliness().get(key, timeout=timeout))
         found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
-        # zenoh's answer may lack tokens that a watch of the same session is being told at the time
+        # zenoh's answer may lack tokens that a watch of the same session is receiving at the time
         asked = zenoh.KeyExpr(key)
         with self._watching:
             watched = list(self._watched.values())
@@ -262,8 +262,8 @@ class Bus(BusSession):
         """Show this session's name to all, and look after its links, that with the router too."""
 
         def heard(event: Any) -> None:
-            told = self._links.broke if event.kind == zenoh.SampleKind.DELETE else self._links.made
-            told(str(event.transport.zid))
+            changed = self._links.broke if event.kind == zenoh.SampleKind.DELETE else self._links.made
+            changed(str(event.transport.zid))
 
         def token(session: Any) -> Any:
             return session.liveliness().declare_token(node(str(session.info.zid())))

@@ -1,4 +1,4 @@
-"""Which liveliness tokens exist, as one watch of a bus was told."""
+"""Which liveliness tokens exist, as one watch of a bus knows them."""
 
 import threading
 
@@ -11,7 +11,7 @@ CLIENT = "session"
 class LiveTokens:
     """What a watch knows; everyone who watches the same key gets an inbox of it.
 
-    zenoh may tell the same token twice: only changes are passed on.
+    zenoh may report the same token twice: only changes are passed on.
     """
 
     def __init__(self) -> None:
@@ -33,7 +33,7 @@ class LiveTokens:
                 inbox.put(LiveChange(key, alive), 0)
 
     def forget(self) -> None:
-        """Nothing is known any more: what exists will be told anew."""
+        """Nothing is known any more: what exists will be reported anew."""
         for key in self.known():
             self.heard(key, False)
 

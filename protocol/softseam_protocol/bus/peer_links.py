@@ -2,7 +2,7 @@
 
 zenoh links two peers when the router introduces them, once. Where a link breaks on one side and both live on (one was
 frozen for about the lease), the other side may refuse a new link for the sake of the old one, or take it for a part
-of the old one, whose tokens and subscriptions it told long ago. In either case the two do not hear of each other again,
+of the old one, whose tokens and subscriptions it sent long ago. In either case the two do not hear of each other again,
 or one of them does not hear of the other: a link that broke is looked at once more when there is another.
 """
 
@@ -20,7 +20,7 @@ class PeerLinks:
     def __init__(self, mend: Callable[[frozenset[str]], bool], patience: float) -> None:
         """
         mend      given the names of peers; False: ask again later
-        patience  time that a peer has to come back by itself, and to tell what it has [s]
+        patience  time that a peer has to come back by itself, and to send what it has [s]
         """
         self._mend, self._patience = mend, patience
         self._due: dict[str, float] = {}

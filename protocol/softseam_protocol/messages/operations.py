@@ -1,4 +1,4 @@
-"""What services tell of themselves."""
+"""What services report of themselves."""
 
 from softseam_protocol.messages.arrays import Count, NameText
 from softseam_protocol.messages.message import message

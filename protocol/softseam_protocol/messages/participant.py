@@ -109,7 +109,7 @@ class Capabilities:
     """What a participant can do for the region that it was configured with; who couples it asks for no more."""
 
     compliance: bool
-    """tells how its coupling nodes yield to forces"""
+    """reports how its coupling nodes yield to forces"""
     corrects: bool
     """moves a tentative step on by its linear answer to a force (`Correct`)"""
     impedance: bool
@@ -117,7 +117,7 @@ class Capabilities:
     substeps: Count
     """substeps a step; 1: none"""
     stress: bool
-    """tells stress in its cells"""
+    """reports stress in its cells"""
     error: bool
     """estimates what its cells err by"""
     cost: float
@@ -132,7 +132,7 @@ class Configured:
     substeps: Count
     """substeps a step that the participant takes (1 for FEM)"""
     strain: float = math.nan
-    """strain energy of the state it begins with [J]; NaN, as for the next two: not told, by an older participant"""
+    """strain energy of the state it begins with [J]; NaN, as for the next two: not reported, by an older participant"""
     kinetic: float = math.nan
     """kinetic energy of that state, with the masses of the model that has it now [J]"""
     gravity: float = math.nan
@@ -181,7 +181,7 @@ class Advance:
     """force at the start of the step, from which it goes to coupling_force linearly in time (s, 3) [N]; empty: it is
     constant"""
     repeat_compliance: bool = False
-    """tell `Advanced.coupling_compliance_root` also if it was told before"""
+    """report `Advanced.coupling_compliance_root` also if it was reported before"""
     turn: Scalars = field(default_factory=NO_SCALARS)
     """of a body in several parts that turns: as the step begins, of all its nodes, mass, m x, m v, m x x v, and m x x
     as xx yy zz yz xz xy; then angular velocity about their centre [rad/s] and velocity [m/s] that every node is to be
@@ -389,5 +389,5 @@ class Failure:
 
 Request = Configure | Advance | Correct | Commit | Observe | Snapshot | Restore | Release
 Worked = Configured | Advanced | Committed | Fields | SnapshotTaken | Restored
-"""replies that tell how long the participant worked for them"""
+"""replies that say how long the participant worked for them"""
 Reply = Worked | Released | Failure

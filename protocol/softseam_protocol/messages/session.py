@@ -123,13 +123,13 @@ class StepReport:
     def seam(self) -> InterfaceReport:
         """All interfaces together: the largest gap, exchanges and force, the sums of nodes and work;
         one exchange where there are none."""
-        told = self.interfaces.values()
+        joined = self.interfaces.values()
         return InterfaceReport(
-            max((one.gap for one in told), default=0.0),
-            max((one.exchanges for one in told), default=1),
-            sum(one.n_nodes for one in told),
-            max((one.force for one in told), default=0.0),
-            sum(one.work for one in told),
+            max((one.gap for one in joined), default=0.0),
+            max((one.exchanges for one in joined), default=1),
+            sum(one.n_nodes for one in joined),
+            max((one.force for one in joined), default=0.0),
+            sum(one.work for one in joined),
         )
 
 
@@ -180,7 +180,7 @@ class Frame:
 
 @message
 class Event:
-    """Something worth telling: a region switch, a phase, a fallback, an alarm, a recovery."""
+    """Something worth a line: a region switch, a phase, a fallback, an alarm, a recovery."""
 
     header: Header
     kind: EventKind

@@ -116,8 +116,8 @@ def _symmetry_is_used(scene: OneBody) -> None:
     if body.tetrahedral:
         raise wrong("tetrahedra of a file are not each other's images: leave it out", "symmetry")
     if body.uneven_friction is not None:
-        told = "friction varies over both sides as neither's image: leave it out, or `symmetry`"
-        raise wrong(told, "body", "friction_field")
+        text = "friction varies over both sides as neither's image: leave it out, or `symmetry`"
+        raise wrong(text, "body", "friction_field")
     able = that(lambda facts: facts.one_side)
     if not {*scene.regions.models} & {*able}:
         only = " and ".join(able)
@@ -219,7 +219,7 @@ def _check_cells(scene: OneBody, body: BodySpec, beside_others: bool) -> None:
     _has_goal(scene, own or body.tetrahedral or (isinstance(body.shape, BlockShape) and body.shape.graded))
     if scene.models.pbd.coarse is not None and some_read(models, "pbd.coarse"):
         if scene.regions.goal is not None:
-            said = "errors of a goal are told of cells of eight blocks"
+            said = "errors of a goal are known of cells of eight blocks"
             raise wrong(f"{said}: leave out models.pbd.coarse, or goal", "regions", "goal")
         said = "the model error of pbd is measured on cells of eight blocks"
         if near and near.error is not None:
@@ -279,7 +279,7 @@ def _has_goal(scene: OneBody, uneven: bool) -> None:
     if goal is None:
         return
     if uneven:
-        raise wrong("errors of a goal are told of boxes of one size: leave out body.shape.grading, or goal", *at)
+        raise wrong("errors of a goal are known of boxes of one size: leave out body.shape.grading, or goal", *at)
     if goal == "grip_force":
         if not any(isinstance(phase, ClosePhase) for phase in scene.motion):
             raise wrong("no phase closes two tools: name a probe instead, or add a phase with `close`", *at)

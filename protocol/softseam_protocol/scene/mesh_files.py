@@ -8,7 +8,7 @@ from pydantic import Discriminator, Field, Tag
 from softseam_protocol.scene.spec import Positive
 
 TELLS_UNIT = (".dae", ".gltf", ".glb", ".usd", ".usda", ".usdc", ".usdz")
-"""suffixes of formats that tell their unit and the axis that points up"""
+"""suffixes of formats that state their unit and the axis that points up"""
 
 _PART = (
     "what is taken of a file with several solids: the object, group, solid or physical group of this name, or the "
@@ -31,17 +31,17 @@ MeshPart = Annotated[
 
 
 def tells_unit(path: str | None) -> bool:
-    """Whether a file's format tells its unit, as its name says."""
+    """Whether a file's format states its unit, as its name says."""
     return PurePosixPath((path or "").replace("\\", "/")).suffix.lower() in TELLS_UNIT
 
 
 def usual_scale(keys: dict[str, Any]) -> float | None:
-    """The scale of a file that the keys before it name, where the scene gives none; None of one that tells it."""
+    """The scale of a file that the keys before it name, where the scene gives none; None where it states it."""
     return None if tells_unit(keys.get("path")) else 1.0
 
 
 def usual_up(keys: dict[str, Any]) -> Literal["z"] | None:
-    """The upward axis of a file that the keys before it name, where the scene gives none; None of one that tells it."""
+    """The upward axis of a file that the keys before it name, where the scene gives none; None where it states it."""
     return None if tells_unit(keys.get("path")) else "z"
 
 
@@ -49,13 +49,13 @@ MeshScale = Annotated[
     Positive | None,
     Field(
         exclude_if=lambda scale: scale is None,
-        description="metres per unit of the file; default: what the file tells (COLLADA, glTF, USD), else 1",
+        description="metres per unit of the file; default: what the file states (COLLADA, glTF, USD), else 1",
     ),
 ]
 MeshUp = Annotated[
     Literal["x", "y", "z"] | None,
     Field(
         exclude_if=lambda up: up is None,
-        description="axis of the file that points up; default: what the file tells (COLLADA, glTF, USD), else z",
+        description="axis of the file that points up; default: what the file states (COLLADA, glTF, USD), else z",
     ),
 ]

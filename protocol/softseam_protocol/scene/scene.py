@@ -201,8 +201,8 @@ class Scene(Spec):
         """Raise unless the tools of an opening phase were closed together by an earlier one."""
         if any(isinstance(each, ClosePhase) and {*each.tools} == {*phase.tools} for each in self.motion[:number]):
             return
-        told = f"no phase before this one closes {' and '.join(phase.tools)} together: close them, or move each"
-        raise wrong(told, "motion", number, "tools")
+        text = f"no phase before this one closes {' and '.join(phase.tools)} together: close them, or move each"
+        raise wrong(text, "motion", number, "tools")
 
     @property
     def kinds(self) -> set[str]:

@@ -123,7 +123,7 @@ class Body:
     friction_field: FrictionField = EVEN
     """factor on friction with every tool"""
     notes: tuple[str, ...] = ()
-    """what the importer repaired or wants to tell"""
+    """what the importer repaired or wants to say"""
     made_of: ClassVar[Literal["cells"]] = "cells"
     has_cells: ClassVar[Literal[True]] = True
     radius: ClassVar[float] = 0.0

@@ -72,8 +72,8 @@ def read_in_place(
 ) -> tuple[Floats, Ints, tuple[str, ...]]:
     """The same where the file has it.
 
-    scale: metres per unit of the file, None: as it tells
-    up: the axis of the file that points up, None: as it tells; axes are turned cyclically, so nothing is mirrored
+    scale: metres per unit of the file, None: as it states
+    up: the axis of the file that points up, None: as it states; axes are turned cyclically, so nothing is mirrored
     part: of the file's parts the one of this name, or of its bodies the one of this number by size, from 1
     """
     raw = read_surface(path, data, part)

@@ -36,7 +36,7 @@ class HardlyFilled:
         if not known.any():
             return
         self._octants = np.flatnonzero(~known)
-        told: csr_array = diags_array(known.astype(np.float64), format="csr")
+        reached: csr_array = diags_array(known.astype(np.float64), format="csr")
         for reach in (alike, there):  # those that no chain of their own material leads to take any
             while True:
                 weight = np.where(reach & known[around], fill[around], 0.0)
@@ -46,9 +46,9 @@ class HardlyFilled:
                     break
                 row, place = np.nonzero(weight * ring[:, None])
                 mean = (weight[row, place] / total[row], (row, around[row, place]))
-                told = csr_array(told + csr_array(mean, shape=told.shape) @ told)
+                reached = csr_array(reached + csr_array(mean, shape=reached.shape) @ reached)
                 known |= ring
-        self._means = csr_array(told[self._octants])
+        self._means = csr_array(reached[self._octants])
         """from the stress of all octants to theirs, eq. (1)"""
 
     def replaced(self, cauchy: Floats) -> Floats:

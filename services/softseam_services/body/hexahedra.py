@@ -95,7 +95,7 @@ def numbered_cells(
     notes: Sequence[str] = (),
     remedy: str = "remesh there",
 ) -> OwnCells:
-    """Cells (C, 27) of nodes (N, 3) [m] that are where they belong; raises MeshError, which tells the remedy."""
+    """Cells (C, 27) of nodes (N, 3) [m] that are where they belong; raises MeshError, which names the remedy."""
     x = x_rest[cell_nodes]
     least, volume = _quality(path, x, remedy)
     outer = _outer_faces(path, cell_nodes)

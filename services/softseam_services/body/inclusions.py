@@ -32,7 +32,7 @@ def octant_centres(cell_centres: Floats, edges: Floats, axes: Floats | None = No
 def materials_at(spec: BodySpec, places: Floats, cell: float) -> Ints:
     """Number of the material at each place (..., 3) [m]: 0 the body's own, 1 + i that of the last inclusion i there.
 
-    Raises MeshError where an inclusion holds none of the places; cell [m] is told then.
+    Raises MeshError where an inclusion holds none of the places; the text gives cell [m] then.
     """
     found = np.zeros(places.shape[:-1], dtype=np.int32)
     for i, inclusion in enumerate(spec.inclusions):

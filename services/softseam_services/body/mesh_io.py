@@ -38,9 +38,9 @@ class RawSurface:
     """sum of the cells' volumes where the file has solid ones, in the file's units cubed"""
     notes: tuple[str, ...]
     unit: float
-    """metres in one of the file's units, as it tells; 1 where it does not"""
+    """metres in one of the file's units, as it states; 1 where it does not"""
     up: str
-    """the axis that it tells to point up; z where it does not"""
+    """the axis that it says points up; z where it does not"""
 
 
 @dataclass(frozen=True)
@@ -226,7 +226,7 @@ def _piece(path: str, file: MeshFile, number: int) -> MeshFile:
 
 
 def _kept(file: MeshFile, masks: Sequence[NDArray[np.bool_]]) -> MeshFile:
-    """The cells of a file that masks tell, block by block."""
+    """The cells of a file that masks select, block by block."""
     found = [
         Block(block.kind, block.cells[mask], block.part[mask]) for block, mask in zip(file.blocks, masks, strict=True)
     ]

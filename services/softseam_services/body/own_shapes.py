@@ -60,7 +60,7 @@ def _place_in_tetrahedra(body: Body, at: Floats) -> tuple[int, Floats] | None:
 
 def sample_places(body: Body, sample: Floats) -> Floats:
     """Positions at rest of the samples +- sample (C,) in the octants of each cell (C, 8, 3) [m]; of tetrahedra the
-    places whose stress octants tell."""
+    places whose stress octants report."""
     if body.tetrahedra:
         value = tetrahedron.shape_functions(tetrahedron.SAMPLES)[0]
         return np.asarray(np.einsum("oa,cai->coi", value, body.x_rest[body.cell_nodes[:, tetrahedron.NODES]]))

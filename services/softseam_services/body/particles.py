@@ -123,7 +123,7 @@ class ParticleBody:
         return float(self.mass.sum())
 
     def facts(self) -> dict[str, str]:
-        """What `softseam check` tells of it."""
+        """What `softseam check` says of it."""
         size, what = np.ptp(self.x_rest, axis=0), self.kind if self.made_of == "points" else f"a {self.kind}"
         return {
             "body": f"{what}, " + " x ".join(f"{1e3 * side:.4g}" for side in size) + " mm",

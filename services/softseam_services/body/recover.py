@@ -10,9 +10,9 @@ filled; empty octants have none.
     sigma*_n = m + a . A^+ <r', sigma> + b . S^+ <s', sigma>,   A = <r', r'>,   S = <s', s'>                       (1)
 
 with r the distance to the node over its mean along each axis, r' = r - <r>/<1>, s' what of s = (r_x^2, r_y^2, r_z^2,
-r_x r_y, r_y r_z, r_z r_x) a constant and r' do not tell, <u, v> = sum_q w_q u_q v_q, m the mean, and a, b the values of
+r_x r_y, r_y r_z, r_z r_x) a constant and r' do not give, <u, v> = sum_q w_q u_q v_q, m the mean, and a, b the values of
 r' and s' at the node: mean, slopes and curvatures, each fitted to what the ones before leave. The pseudo-inverses leave
-out what the samples do not tell: the two planes of samples in a single cell fix no curvature, and the fit is linear
+out what the samples leave open: the two planes of samples in a single cell fix no curvature, and the fit is linear
 across that cell; a single octant's value is taken as it is. Where another material is in reach the fit is linear, too:
 stress is singular at the edges of borders, and a curvature fitted to that overshoots.
 The fit depends on the rest state alone: a sparse matrix, built once.
@@ -45,12 +45,12 @@ _ALL = np.arange(27, dtype=np.int32)
 FEM_SAMPLE, PBD_SAMPLE = GAUSS_POINTS, OCTANT_CENTRES
 """local coordinates of the samples are +- this"""
 SEEN = 1e-6
-"""eigenvalue, over the sum of the weights, from which on the samples tell a slope or a curvature"""
+"""eigenvalue, over the sum of the weights, from which on the samples determine a slope or a curvature"""
 
 
 @dataclass(frozen=True)
 class _Patches:
-    """What the samples around each of some nodes tell, n of which have any."""
+    """What the samples around each of some nodes give, n of which have any."""
 
     cells: Ints
     """those that share one of the nodes (c,)"""
@@ -66,7 +66,7 @@ class _Patches:
     """of (1, r, s) (n, 10)"""
     slopes: Floats
     """A^+ (n, 3, 3)"""
-    told: Floats
+    slanted: Floats
     """of s by r' (n, 3, 6)"""
     bends: Floats
     """S^+ (n, 6, 6); 0 where another material is in reach"""
@@ -75,10 +75,10 @@ class _Patches:
         """Factors of `weighted` (p, 10) for the value at r (p, 3) of the polynomial around the node in place `row`."""
         mean, away = self.mean[row], r - self.mean[row, 1:4]
         bend = np.concatenate([r * r, r * np.roll(r, -1, axis=1)], axis=1) - mean[:, 4:]
-        bend -= np.einsum("pi,pij->pj", away, self.told[row])
+        bend -= np.einsum("pi,pij->pj", away, self.slanted[row])
         found = np.empty((len(row), 10))
         found[:, 4:] = (self.bends[row] @ bend[..., None])[..., 0]
-        found[:, 1:4] = (self.slopes[row] @ away[..., None] - self.told[row] @ found[:, 4:, None])[..., 0]
+        found[:, 1:4] = (self.slopes[row] @ away[..., None] - self.slanted[row] @ found[:, 4:, None])[..., 0]
         found[:, 0] = 1.0 / self.total[row, 0] - (found[:, 1:] * mean[:, 1:]).sum(axis=1)
         return found
 
@@ -142,13 +142,13 @@ def _patches(body: Body, sample: Floats, material: int, nodes: Ints) -> _Patches
     mean = moments[found, 0] / total
     centred = moments[found] - total[..., None] * mean[:, :, None] * mean[:, None, :]
     slopes = _inverse(centred[:, 1:4, 1:4], SEEN * total)
-    told = slopes @ centred[:, 1:4, 4:]
-    left = centred[:, 4:, 4:] - np.swapaxes(centred[:, 1:4, 4:], 1, 2) @ told
+    slanted = slopes @ centred[:, 1:4, 4:]
+    left = centred[:, 4:, 4:] - np.swapaxes(centred[:, 1:4, 4:], 1, 2) @ slanted
     bends = _inverse(left, SEEN * total)
     bends[_beside_another(body, material, cells)[found]] = 0.0
     row = np.full(body.n_nodes, -1, dtype=np.int32)
     row[found] = np.arange(len(found))
-    return _Patches(cells, weighted, scale, row, total, mean, slopes, told, bends)
+    return _Patches(cells, weighted, scale, row, total, mean, slopes, slanted, bends)
 
 
 def _places(body: Body) -> Ints:

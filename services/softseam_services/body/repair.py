@@ -1,4 +1,4 @@
-"""What is repaired of a surface before it is judged: only what moves it by next to nothing, and all of it told.
+"""What is repaired of a surface before it is judged: only what moves it by next to nothing, and all of it reported.
 
 Triangles that are there twice or have a corner twice are left out; points on open edges that nearly coincide are
 welded; open edges are split at points that lie on them; small holes are closed; triangles without area, whose corners
@@ -48,7 +48,7 @@ class Repaired:
 def repair(vertices: Floats, triangles: Ints, part: NDArray[np.int64], unit: float = 1.0) -> Repaired:
     """Repair what is safe. A surface without faults comes back as it is, to the last bit.
 
-    vertices (n, 3) of any unit, triangles (T, 3), part (T,), unit: metres in one of the unit, for what is told
+    vertices (n, 3) of any unit, triangles (T, 3), part (T,), unit: metres in one of the unit, for what is reported
     """
     work = _Work(vertices, triangles, part, unit)
     if len(triangles):

@@ -49,7 +49,7 @@ def _samples() -> Floats:
 
 
 SAMPLES = _samples()
-"""barycentric coordinates of the place whose stress each octant tells, of tet10's points by their shares: of a linear
+"""barycentric coordinates of the place whose stress each octant reports, of tet10's points by their shares: of a linear
 stress it is exact (8, 4)"""
 
 

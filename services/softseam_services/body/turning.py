@@ -69,7 +69,7 @@ class Turning:
         self._turn_on(self.start_sums, x, v)
 
     def of_whole(self, turn: Floats, dt: float) -> None:
-        """In place of `begins`, of a part: `turn` (22,) tells of the whole body, as of `Advance`."""
+        """In place of `begins`, of a part: `turn` (22,) is of the whole body, as of `Advance`."""
         self._dt, self._slowed = dt, 1.0
         self.start_sums[:] = turn[:N_SUMS]
         self._after[:] = 0.0

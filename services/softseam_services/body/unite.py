@@ -32,7 +32,7 @@ def mend(path: str, vertices: Floats, triangles: Ints) -> Mended | None:
 
 
 def _unite(path: str, vertices: Floats, triangles: Ints) -> Mended | None:
-    """The union of bodies, each with its cavities; None of one body, or where a cavity cannot be told from a body."""
+    """The union of bodies, each with its cavities; None of one body, or where a cavity may be a body as well."""
     triangles, _, shell = orient(path, vertices, triangles)
     shells = [triangles[shell == number] for number in range(int(shell.max()) + 1)]
     if not 1 < len(shells) <= _MOST_BODIES:
@@ -68,8 +68,8 @@ def _unite(path: str, vertices: Floats, triangles: Ints) -> Mended | None:
     triangles, _, shell = orient(path, whole.vertices, whole.triangles)
     parts = [triangles[shell == number] for number in range(int(shell.max()) + 1)]
     triangles = np.concatenate([each for each in parts if abs(enclosed_volume(whole.vertices, each)) > DUST * volume])
-    told = f"{1e6 * volume:.3g} cm^3 of the {1e6 * separate:.3g} cm^3 that they have separately"
-    note = f"{len(solids)} closed bodies that overlap or touch were united: {told}"
+    shares = f"{1e6 * volume:.3g} cm^3 of the {1e6 * separate:.3g} cm^3 that they have separately"
+    note = f"{len(solids)} closed bodies that overlap or touch were united: {shares}"
     used, corners = np.unique(triangles, return_inverse=True)
     return whole.vertices[used], corners.reshape(-1, 3).astype(np.int32), volume, note
 

@@ -1,4 +1,4 @@
-"""The unit of a mesh file, guessed from how large a body is that a hand grips; told, never applied."""
+"""The unit of a mesh file, guessed from how large a body is that a hand grips; said, never applied."""
 
 import numpy as np
 

@@ -5,7 +5,7 @@ modal coordinate q_k = u^T M (x_k - X) after steps of length D, free motion A ex
 
 q_{k+1} = a q_k + b q_{k-1},  whose roots are exp((-zeta +- i omega_d) D)                                       (1)
 
-and omega_0^2 = omega_d^2 + zeta^2 = K/M tells the stiffness. Implicit Euler alone has zeta = omega^2 h/2: it loses
+and omega_0^2 = omega_d^2 + zeta^2 = K/M gives the stiffness. Implicit Euler alone has zeta = omega^2 h/2: it loses
 
 1 - exp(-pi omega h)                                                                                           (2)
 

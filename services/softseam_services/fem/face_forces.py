@@ -1,4 +1,4 @@
-"""Forces at points inside faces, told and taken over as forces at the nodes of these faces."""
+"""Forces at points inside faces, reported and taken over as forces at the nodes of these faces."""
 
 import numpy as np
 
@@ -57,7 +57,7 @@ def spread_over_faces(model: FemModel, parameters: FemParameters, contact: Float
 def surface_point_of_node(model: FemModel, n_surface: int) -> np.ndarray:
     """Surface point at each node (n,), -1 for none; on a block each follows one node.
 
-    Raises ValueError where points inside faces hang on a node without one: their force would be told nowhere.
+    Raises ValueError where points inside faces hang on a node without one: their force would be reported nowhere.
     """
     found = np.full(len(model.order), -1, dtype=np.int64)
     points = np.arange(n_surface)

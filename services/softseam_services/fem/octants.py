@@ -29,7 +29,7 @@ class Octants(NamedTuple):
     gradient: Floats
     """that their octants count with (u, 8, 3, 27) [1/m]"""
     own: Floats
-    """over the filled part of each octant alone: what its stress is told of (u, 8, 3, 27) [1/m]"""
+    """over the filled part of each octant alone: what its stress is reported of (u, 8, 3, 27) [1/m]"""
     fill: Floats
     """what each octant counts with in its cell (c, 8) [1]"""
     shear: Floats

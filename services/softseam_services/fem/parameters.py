@@ -52,8 +52,8 @@ class FemParameters(NamedTuple):
     """what cells pass to that are crushed"""
     viscous: Rule
     """the element as its viscosity sees it; `rule` where there is none"""
-    told: Rule
-    """the element with gradients and weights of each octant alone, which stress is told of where a model is general"""
+    shown: Rule
+    """the element with gradients and weights of each octant alone, whose stress is reported where a model is general"""
     joints: JointNumbers
     """of the model's joints"""
     mean_gradient: Floats
@@ -160,18 +160,18 @@ def _cells(model: FemModel, body: Body, region: Region, spec: FemSpec) -> dict[s
         np.einsum("tbq,tbqim->tmi", table.weight, table.gradient) / table.weight.sum(axis=(1, 2))[:, None, None]
     )
     rule = rule_of(element, octants.fill, known)[0] if general and model.blends else full
-    viscous = told = rule
+    viscous = shown = rule
     if material.retardation_time > 0.0 and (has_joined or not general):
         viscous = rule_of(element, octants.shear, known)[0]
     if general and has_joined:
-        told = rule_of(element, fill, octants._replace(gradient=octants.own, shear=fill))[0]
+        shown = rule_of(element, fill, octants._replace(gradient=octants.own, shear=fill))[0]
     if material.n_state:
         check_internal_variables(body, spec)
     return {
         "rule": rule,
         "full": full,
         "viscous": viscous,
-        "told": told,
+        "shown": shown,
         "joints": build_numbers(model.joints, body, region, model.root, octants, model.cell_nodes),
         "mean_gradient": np.ascontiguousarray(mean_gradient),
         "mu": np.array([each.mu for each in body.materials])[number],

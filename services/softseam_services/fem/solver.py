@@ -225,8 +225,8 @@ class FemSolver:
     ) -> Advanced:
         """What became of a request, or of its correction."""
         stepper, reduction = self._stepper, self._reduction
-        told, taken = stepper.result, self._result.substeps if status is Status.CONVERGED else AT_ONCE
-        out, wrench = told.out.copy(), told.wrench.copy()
+        found, taken = stepper.result, self._result.substeps if status is Status.CONVERGED else AT_ONCE
+        out, wrench = found.out.copy(), found.wrench.copy()
         converged = status is Status.CONVERGED
         if self._body.cut and converged:
             self._bound(self._next.x, out)
@@ -239,8 +239,8 @@ class FemSolver:
         return Advanced(
             (correction or request).header,
             status,
-            told.seam_x.copy(),
-            told.compliance.copy() if whole else _NONE,
+            found.seam_x.copy(),
+            found.compliance.copy() if whole else _NONE,
             wrench,
             numbers[kernel.KINETIC],
             numbers[kernel.STRAIN],
@@ -254,7 +254,7 @@ class FemSolver:
             int(numbers[kernel.N_CONTACTS]),
             int(numbers[kernel.N_ITERATIONS]),
             time.perf_counter() - began,
-            told.distance.copy() if reduction is None else told.distance[reduction.cell],
+            found.distance.copy() if reduction is None else found.distance[reduction.cell],
             out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3),
             stepper.work.seam_actual.copy(),
             n_blended=self.times * int(stepper.work.mixed[0]),

@@ -42,17 +42,17 @@ _SUMMED = [kernel.TOOL_WORK, kernel.SEAM_WORK, kernel.N_ITERATIONS]
 
 
 class Stepper:
-    """Takes steps of one region, and keeps what a step works in: scratch, the factor, what the other side told."""
+    """Takes steps of one region, and keeps what a step works in: scratch, the factor, what the other side sent."""
 
     def __init__(self, spec: FemSpec, model: FemModel, parameters: FemParameters, n_tools: int) -> None:
         self._spec, self._n_tools = spec, n_tools
         self._parts: substeps.Substeps | None = None
-        self._told = -1.0  # factor whose yield of the seam was last told
+        self._told = -1.0  # factor whose yield of the seam was last reported
         self._turn, self.given = NO_TURN, 0.0
         """to a rotation in the last step, beyond the work of contact along the chords of ways [J]"""
         self._moment = np.zeros((3, 3))
         self.knows_impedance = False
-        """whether the other side's stiffness at the seam was ever told"""
+        """whether the other side's stiffness at the seam was ever received"""
         self._take_up(model, parameters)
 
     def _take_up(self, model: FemModel, parameters: FemParameters) -> None:
@@ -191,7 +191,7 @@ class Stepper:
             work.memo[FACTORED] = 0.0
 
     def forget(self) -> None:
-        """Drop the factors, and what the other side told."""
+        """Drop the factors, and what the other side sent."""
         self.knows_impedance = False
         self._told = -1.0
         for work in self._both:
@@ -211,7 +211,7 @@ class Stepper:
         return bool(self.at_once and self._parts is None and self.work.memo[FACTORED])
 
     def new_compliance_root(self, anyway: bool) -> Floats:
-        """A root of d(coupling_x)/d(coupling_force) of the factor at hand (3s, 3s); empty if known, unless `anyway`."""
+        """A root of d(coupling_x)/d(coupling_force) of the factor at hand (3s, 3s); empty if sent before, unless `anyway`."""
         if self._told == self.work.memo[N_FACTORS] and not anyway:
             return np.zeros((0, 0))
         self._told = float(self.work.memo[N_FACTORS])
@@ -282,7 +282,7 @@ class Stepper:
         return turning if begins(turning, self.scheme, now, dt) else None
 
     def _give_back(self, turning: Turning, end: FemState, tools: Tools) -> None:
-        """Velocities, and what is told of them, at the end of a step in which the body turned."""
+        """Velocities, and what is reported of them, at the end of a step in which the body turned."""
         if len(self._model.seam):
             turning.end_of_part(end.x, end.v)
         else:

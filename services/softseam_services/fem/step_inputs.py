@@ -28,7 +28,7 @@ class StepInputs(NamedTuple):
     seam_target: Floats
     """(s, 3) [m], (0, 3) where nothing beyond the seam resists"""
     seam_impedance: Floats
-    """(3s, 3s) [N/m], (0, 0) where it is as told before"""
+    """(3s, 3s) [N/m], (0, 0) where it is as before"""
     parts: int = 1
     """that the tools' way asks for, a power of 2"""
     turn: Floats = NO_TURN
@@ -37,8 +37,8 @@ class StepInputs(NamedTuple):
     @classmethod
     def of(cls, request: Advance, tools: Tools, parts: int = 1) -> StepInputs:
         """What a request says, with the tools over the step, which is taken in so many parts at least."""
-        told = request.coupling_force, request.coupling_force_start, request.coupling_target, request.coupling_impedance
-        return cls(tools, *told, parts, request.turn)
+        sent = request.coupling_force, request.coupling_force_start, request.coupling_target, request.coupling_impedance
+        return cls(tools, *sent, parts, request.turn)
 
     def part(self, number: int) -> StepInputs:
         """What acts over one of the parts, whose seam the other side does not follow."""

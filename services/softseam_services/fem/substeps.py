@@ -9,7 +9,7 @@ the whole of the next try; one that would keep within half the bound at twice it
 followed by such a piece. The halves are kept as they are: extrapolated positions would sink into tools.
 
 Nothing is assumed of the motion, so a first touch, which makes velocities jump and e shrink with h only, is found like
-anything else and cut down to the deepest level, where a piece is accepted whatever its error; the report tells it.
+anything else and cut down to the deepest level, where a piece is accepted whatever its error; the report says so.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,7 @@
 """Symmetry reduction: of a scene that says where it is symmetric, FEM solves for one side, a half, quarter or eighth.
 
 Nodes in a plane of symmetry are on rollers: no displacement across it, no force along it. The same cells and the same
-equations, fewer of them. What is told is of the whole: sums of forces and energies at once, the rest when asked for.
+equations, fewer of them. Replies are of the whole: sums of forces and energies at once, the rest when asked for.
 """
 
 from __future__ import annotations

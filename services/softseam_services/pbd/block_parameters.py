@@ -61,7 +61,7 @@ class BlockParameters:
             memory[:] = self.constants.table[:, MEMORY:]
 
     def only(self, whole: Blocks, part: Blocks) -> BlockParameters:
-        """Of some blocks, `part`, of those that this tells of, `whole`."""
+        """Of some blocks, `part`, of those that this describes, `whole`."""
         place = np.empty(len(whole.ids), dtype=np.int64)
         real = whole.order >= 0
         place[whole.order[real]] = np.flatnonzero(real)

@@ -169,8 +169,8 @@ def thin_out(levels: Levels, region: Region, mass: Floats, x: Floats, v: Floats)
     They keep their places, and get all the momentum and angular momentum of the region; the others are to follow.
     """
     if levels.ties is not None:
-        told = region.mass @ v, np.cross(x, region.mass[:, None] * v).sum(axis=0)
-        _repair(np.where(region.fixed, 0.0, mass), x, v, *told)
+        momenta = region.mass @ v, np.cross(x, region.mass[:, None] * v).sum(axis=0)
+        _repair(np.where(region.fixed, 0.0, mass), x, v, *momenta)
 
 
 def fill_in(levels: Levels, region: Region, mass: Floats, x: Floats, v: Floats) -> None:
@@ -179,8 +179,8 @@ def fill_in(levels: Levels, region: Region, mass: Floats, x: Floats, v: Floats) 
     """
     if levels.ties is not None:
         rest = mass - np.where(levels.hangs, 0.0, region.mass)
-        told = rest @ v, np.cross(x, rest[:, None] * v).sum(axis=0)
-        _repair(np.where(levels.hangs & ~region.fixed, region.mass, 0.0), x, v, *told)
+        momenta = rest @ v, np.cross(x, rest[:, None] * v).sum(axis=0)
+        _repair(np.where(levels.hangs & ~region.fixed, region.mass, 0.0), x, v, *momenta)
 
 
 def _repair(mass: Floats, x: Floats, v: Floats, momentum: Floats, angular: Floats) -> None:

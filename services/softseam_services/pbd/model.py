@@ -37,7 +37,7 @@ class Layout(NamedTuple):
 
     @property
     def key(self) -> bytes:
-        """What tells it from others."""
+        """What distinguishes it from others."""
         points = self.indptr, self.node, self.touches, self.n_surface, self.visits
         return key_of(*self.cells, self.coarse, self.seam, *points)
 

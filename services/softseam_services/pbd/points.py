@@ -138,14 +138,14 @@ def hand_on(force: Floats, touches: Mask, n_surface: int, rows: Rows) -> None:
 def gather(force: Floats, rows: Rows, n_surface: int) -> Floats:
     """Forces (p, t, 3) [N] on all points as forces on the surface's (k, t, 3) with the same sums: what acts inside a
     face is its nodes', of those that have points on this side of a seam."""
-    told = force[:n_surface].copy()
+    summed = force[:n_surface].copy()
     inner = np.arange(n_surface, len(force))
     if len(inner):
         single = np.flatnonzero(np.diff(rows[0])[:n_surface] == 1)
         share = _shares(rows, inner, single).T
         for tool in range(force.shape[1]):
-            told[single, tool] += share @ force[inner, tool]
-    return told
+            summed[single, tool] += share @ force[inner, tool]
+    return summed
 
 
 def _shares(rows: Rows, gives: NDArray[np.int64], takes: NDArray[np.int64]) -> csr_array:

@@ -82,7 +82,7 @@ class ParameterArrays(NamedTuple):
 
 @record
 class Inputs(NamedTuple):
-    """What a step is told: t tools, m nodes that the seam follows."""
+    """What a step is given: t tools, m nodes that the seam follows."""
 
     position: Floats
     """at the start of the step (t, 3) [m]"""
@@ -99,7 +99,7 @@ class Inputs(NamedTuple):
 
 @record
 class Outputs(NamedTuple):
-    """What a step tells beside the state, overwritten: t tools, c cells."""
+    """What a step gives beside the state, overwritten: t tools, c cells."""
 
     wrench: Floats
     """on the body (t, 6) [N, N m]"""

@@ -253,15 +253,15 @@ def _slow(parameters: PbdParameters, state: PbdState, tools: ToolMotion, dt: flo
 
 def _tell(model: PbdModel, inputs: StepInputs, n_substeps: int, scratch: StepScratch) -> None:
     """Poses and forces to where kernels find them."""
-    told, tools = scratch.inputs, inputs.tools
-    told.position[:], told.orientation[:] = tools.position, tools.orientation
-    told.position_next[:], told.orientation_next[:] = tools.position_next, tools.orientation_next
+    given, tools = scratch.inputs, inputs.tools
+    given.position[:], given.orientation[:] = tools.position, tools.orientation
+    given.position_next[:], given.orientation_next[:] = tools.position_next, tools.orientation_next
     force = model.seam_force(inputs.seam_force)
-    told.seam_force[:], told.seam_growth[:] = force, 0.0
+    given.seam_force[:], given.seam_growth[:] = force, 0.0
     if len(inputs.seam_force_start):
         start = model.seam_force(inputs.seam_force_start)
-        told.seam_growth[:] = (force - start) / n_substeps
-        told.seam_force[:] = start + told.seam_growth
+        given.seam_growth[:] = (force - start) / n_substeps
+        given.seam_force[:] = start + given.seam_growth
 
 
 def leap_ahead(model: PbdModel, parameters: PbdParameters, dt: float, n_substeps: int, scratch: StepScratch) -> None:

@@ -15,7 +15,7 @@ class Keyed(Protocol):
 
     @property
     def key(self) -> bytes:
-        """What tells it from others."""
+        """What distinguishes it from others."""
         ...
 
 

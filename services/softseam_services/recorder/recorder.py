@@ -46,7 +46,7 @@ class McapRecorder:
 
         queue_bytes  encoded messages that may wait for the disk [B]
         patience     longest wait of a `write` for room in the queue [s]
-        on_loss      told once, on the writing thread or the caller's, why messages begin to be lost
+        on_loss      hears once, on the writing thread or the caller's, why messages begin to be lost
         """
         self._file = LogFile(Path(path), begin, existing=existing)
         self._header = begin.header

@@ -13,7 +13,7 @@ from softseam_protocol.wire.codec import decode, encode
 from softseam_services.recorder.recorder import McapRecorder
 
 _TELL = 0.1
-"""time between looks at what to tell [s]"""
+"""time between looks at what to report [s]"""
 _CLOSE = 10.0
 """longest wait for the disk when a file is finished [s]"""
 _PATIENCE = 5.0

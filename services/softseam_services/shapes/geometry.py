@@ -48,7 +48,7 @@ class Geometry:
     numbers: Floats
     """what the kernel of its distance takes (w,)"""
     outline: Floats
-    """points of the surface, and the middle, as many as tell whether it pokes into a body; none of a half-space
+    """points of the surface, and the middle, as many as show whether it pokes into a body; none of a half-space
     (n, 3) [m]"""
     reach: float
     """radius of a ball about the position that holds all of it; infinite for a half-space [m]"""
@@ -63,10 +63,10 @@ class Geometry:
     sameness: Sameness | None = None
     """None: not known, so that the tool has no image in a plane of symmetry"""
     core: Floats = field(default_factory=lambda: np.zeros((0, 4)))
-    """balls in the shape, centre and radius (b, 4) [m]: a step that takes one farther than its radius is told of, for
+    """balls in the shape, centre and radius (b, 4) [m]: a step that takes one farther than its radius is reported, for
     what was before the tool comes out behind it; none: not looked at"""
     slack: float = 0.0
-    """depth at which the distance cannot tell touching from overlapping [m]"""
+    """depth at which the distance does not distinguish touching from overlapping [m]"""
     rounded: Callable[[float], Floats] | None = None
     """numbers of the same shape, with edges of a radius of at most ROUNDEST of its walls [m]; None: it has no sharp
     edges, or keeps them"""

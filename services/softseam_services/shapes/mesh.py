@@ -25,7 +25,7 @@ ACROSS = 4
 """spacings across walls, where that takes no more than `MOST` points: every cubic at a wall's face then knows values of
 that face alone, and is exact"""
 OUTLINE = 16
-"""points along the longest edge that tell whether the mesh pokes into a body"""
+"""points along the longest edge that show whether the mesh pokes into a body"""
 RIM = 6
 """spacings between the bounding box and the end of the grid; the outermost one is for the interpolation's sake"""
 MOST = (FINENESS + 2 * RIM + 1) ** 3

@@ -51,8 +51,8 @@ def _check_sizes(tools: ToolSet, gap: Floats, size: float) -> None:
         guesses = [note for note in geometry.notes if LOOKS_LIKE in note]
         extent = float(np.ptp(geometry.surface.vertices, axis=0).max())
         if guesses or extent > _LARGER * size:
-            told = f"it is {extent:.3g} m long, {extent / size:.2g} times the body, and starts inside it"
-            odd.append(f"tools.{name}.scale: {told}; {guesses[0] if guesses else 'is that the unit of its file?'}")
+            text = f"it is {extent:.3g} m long, {extent / size:.2g} times the body, and starts inside it"
+            odd.append(f"tools.{name}.scale: {text}; {guesses[0] if guesses else 'is that the unit of its file?'}")
     if odd:
         raise ToolError("; ".join(odd))
 

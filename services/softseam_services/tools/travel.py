@@ -1,6 +1,6 @@
 """Tools that move or turn too far in a step: what was before them comes out behind them, and is held there.
 
-So FEM takes such a step in parts (`parts_needed`), and an event tells of it (`beyond_middle`).
+So FEM takes such a step in parts (`parts_needed`), and an event reports it (`beyond_middle`).
 """
 
 import math

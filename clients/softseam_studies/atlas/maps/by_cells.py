@@ -66,7 +66,7 @@ class ByCells:
         claimed = scale.claim(abs(here.value - there.value), right, 0.0) / right
         error = abs(here.value - right) / right
         why = f"the force is off by {percent(error)}, and {percent(claimed)} is claimed"
-        return Verdict("accurate" if claimed >= error else "inaccurate", why, error, told=here.told)
+        return Verdict("accurate" if claimed >= error else "inaccurate", why, error, warned=here.warned)
 
     def truth(self, column: str) -> float:
         """[N]"""

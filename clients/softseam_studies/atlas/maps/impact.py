@@ -61,7 +61,7 @@ def run(model: Model, hit: str, thickness: float, speed: float) -> Verdict:
     if found.error is None:
         return found
     why = f"it passed the {hit}" if found.error > 0.5 else f"the {hit} stopped it"
-    return Verdict(found.kind, why, found.error, found.safeguards, found.told)
+    return Verdict(found.kind, why, found.error, found.safeguards, found.warned)
 
 
 def scene(model: Model, hit: str, thickness: float, speed: float) -> dict[str, Any]:

@@ -124,7 +124,7 @@ def hang(pbd: dict[str, Any], stretch: float) -> Trace:
 
     trace = follow(scene, longer)
     if unmet > BOUND:
-        trace.told = (*trace.told, "quantity: stretch violation")
+        trace.warned = (*trace.warned, "quantity: stretch violation")
     return trace
 
 

@@ -49,7 +49,7 @@ def run(model: Model, fault: Fault, every: int) -> Verdict:
 
 @cache
 def undisturbed(model: Model) -> Told:
-    """What the run tells when all messages arrive."""
+    """What the run reports when all messages arrive."""
     return disturbed(_scene(model), None, 1)
 
 

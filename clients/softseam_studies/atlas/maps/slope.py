@@ -71,7 +71,7 @@ def run(model: Model, ground: str, slope: float, friction: float) -> Verdict:
     off = abs(trace.value - truth) / free
     why = f"it goes at {1e3 * trace.value:.3g} mm/s, {percent(off)} of a slide without friction off Coulomb's law"
     right = abs(trace.value) <= CREEP if held else off <= BOUND
-    return Verdict(found.kind if right else "inaccurate", why, off, found.safeguards, found.told)
+    return Verdict(found.kind if right else "inaccurate", why, off, found.safeguards, found.warned)
 
 
 def scene(model: Model, ground: str, angle: float, friction: float) -> dict[str, Any]:

@@ -94,8 +94,8 @@ def _points(names: _Names, vertices: str | None) -> Floats:
     positions = names.found("vertices", vertices).find("input[@semantic='POSITION']")
     source = names.found("source", None if positions is None else positions.get("source"))
     values, accessor = numbers(source.findtext("float_array", "")), source.find(".//accessor")
-    told = {} if accessor is None else accessor.attrib
-    first, stride = int(told.get("offset", 0)), int(told.get("stride", 3))
+    stated = {} if accessor is None else accessor.attrib
+    first, stride = int(stated.get("offset", 0)), int(stated.get("stride", 3))
     if stride < 3 or first < 0:
         raise ValueError(f"its positions have {stride} numbers each")
     values = values[first:]
@@ -138,19 +138,19 @@ def _matrix(element: _Element) -> Floats:
     found = np.eye(4)
     if element.tag not in ("matrix", "translate", "rotate", "scale", "skew", "lookat"):
         return found
-    told = numbers(element.text or "")
+    given = numbers(element.text or "")
     if element.tag == "matrix":
-        return told.reshape(4, 4)
+        return given.reshape(4, 4)
     if element.tag == "translate":
-        found[:3, 3] = told
+        found[:3, 3] = given
     elif element.tag == "scale":
-        found[:3, :3] = np.diag(told)
+        found[:3, :3] = np.diag(given)
     elif element.tag == "rotate":
-        axis, angle = told[:3] / max(float(np.linalg.norm(told[:3])), 1e-300), np.radians(told[3])
+        axis, angle = given[:3] / max(float(np.linalg.norm(given[:3])), 1e-300), np.radians(given[3])
         cross = np.cross(np.eye(3), axis).T
         found[:3, :3] += np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross  # Rodrigues
     elif element.tag == "lookat":
-        eye, at, up = told.reshape(3, 3)
+        eye, at, up = given.reshape(3, 3)
         across = np.cross(up, eye - at)
         axes = np.stack([across, np.cross(eye - at, across), eye - at], axis=1)
         found[:3] = np.column_stack([axes / np.linalg.norm(axes, axis=0), eye])

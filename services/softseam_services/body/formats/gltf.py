@@ -115,9 +115,9 @@ class _Reader:
         return found / _LARGEST[accessor["componentType"]] if accessor.get("normalized") else found
 
 
-def _buffer(told: dict[str, Any], chunk: bytes) -> bytes:
+def _buffer(stated: dict[str, Any], chunk: bytes) -> bytes:
     """Content of a buffer. Raises ValueError where it is in another file."""
-    uri = told.get("uri")
+    uri = stated.get("uri")
     if uri is None:
         return chunk
     head, _, text = uri.partition(",")

@@ -99,7 +99,7 @@ def _elements_2(numbers: Numbers) -> Elements:
 
 
 def _in_text(numbers: TextNumbers, count: int, head: Callable[[list[int], int], tuple[int, int, int]]) -> Elements:
-    """Rows of any length; head tells of one that begins at a place how many numbers come before its nodes, how many
+    """Rows of any length; head says of one that begins at a place how many numbers come before its nodes, how many
     nodes there are, and its group."""
     flat = numbers.rest().astype(np.int64)
     row, at = flat.tolist(), 0

@@ -44,13 +44,13 @@ class MeshFile:
     names: tuple[str, ...] = ("",)
     """of parts: objects and groups of OBJ, solids of STL, physical groups of Gmsh, nodes of scenes; "" where none is"""
     unit: float = 1.0
-    """metres in one of the file's units, as it tells; 1 where it does not"""
+    """metres in one of the file's units, as it states; 1 where it does not"""
     up: str = "z"
-    """the axis that it tells to point up; z where it does not"""
+    """the axis that it says points up; z where it does not"""
 
 
 def block(kind: str, cells: Cells, part: Cells | None = None) -> Block:
-    """Cells that belong to the first name, unless told otherwise."""
+    """Cells that belong to the first name, unless another is named."""
     return Block(kind, cells, np.zeros(len(cells), dtype=np.int64) if part is None else part)
 
 

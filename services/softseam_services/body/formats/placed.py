@@ -28,7 +28,7 @@ class Placed:
 
 
 def placed_file(meshes: Sequence[Placed], unit: float, up: str) -> MeshFile:
-    """All meshes in the scene's frame, whose unit [m] and upward axis the file tells.
+    """All meshes in the scene's frame, whose unit [m] and upward axis the file states.
 
     Where a frame is mirrored, polygons are turned round, so that they face as before. Raises ValueError where a corner
     is no point, a polygon has others than there are, or a unit no length.

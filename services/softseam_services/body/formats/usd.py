@@ -67,9 +67,9 @@ def _others(file: Path) -> list[str]:
         layers = {entry: f"{file}[{entry}]" for entry in entries if PurePosixPath(entry).suffix.startswith(".usd")}
     found = set()
     for entry, name in layers.items():
-        told = Sdf.Layer.FindOrOpen(name).GetCompositionAssetDependencies()
+        needed = Sdf.Layer.FindOrOpen(name).GetCompositionAssetDependencies()
         found |= {
-            each for each in told if posixpath.normpath(posixpath.join(posixpath.dirname(entry), each)) not in entries
+            each for each in needed if posixpath.normpath(posixpath.join(posixpath.dirname(entry), each)) not in entries
         }
     return sorted(found - {""})
 

@@ -123,7 +123,7 @@ class _Body:
         return np.delete(flat, starts), flat[starts]
 
     def _to_next_word(self) -> Floats:
-        """Numbers of a text until a line of words; so many files tell a wrong count of them that none is asked for."""
+        """Numbers of a text until a line of words; so many files give a wrong count of them that none is asked for."""
         lines = []
         while self._at < len(self._data):
             here, line = self._at, self._raw()

@@ -32,7 +32,7 @@ _COMPRESSORS: dict[str, Callable[[], _Decompressor]] = {
     "vtkLZMADataCompressor": lzma.LZMADecompressor,
 }
 _MOST_BYTES = 2**30
-"""that compressed arrays of a file may have, which tell it before they are unpacked"""
+"""that compressed arrays of a file may have, which state it before they are unpacked"""
 _POLYDATA = {"Polys": 7, "Strips": 6}
 """types of the cells of each section"""
 _APPENDED = re.compile(rb"<AppendedData\b[^>]*>\s*_", re.S)
@@ -131,7 +131,7 @@ def _array(element: ElementTree.Element, layout: _Layout) -> np.ndarray:
 
 
 def _content(stored: bytes, layout: _Layout, raw: bool) -> bytes:
-    """Bytes of an array that begins here, after a header that tells its size, or the sizes of compressed blocks."""
+    """Bytes of an array that begins here, after a header that states its size, or the sizes of compressed blocks."""
     size = layout.header.itemsize
 
     def part(at: int, count: int) -> bytes:
@@ -148,22 +148,22 @@ def _content(stored: bytes, layout: _Layout, raw: bool) -> bytes:
         return found
     n_blocks = int(np.frombuffer(part(0, size), layout.header)[0])
     head = (3 + n_blocks) * size
-    told = np.frombuffer(part(0, head), layout.header)
-    if len(told) != 3 + n_blocks:
-        raise ValueError(f"an array has {len(told):,} numbers in place of a head of {3 + n_blocks:,}")
-    whole, rest = int(told[1]), int(told[2])
+    stated = np.frombuffer(part(0, head), layout.header)
+    if len(stated) != 3 + n_blocks:
+        raise ValueError(f"an array has {len(stated):,} numbers in place of a head of {3 + n_blocks:,}")
+    whole, rest = int(stated[1]), int(stated[2])
     sizes = [whole] * (n_blocks - 1) + [rest or whole] if n_blocks else []
     layout.unpacked.append(sum(sizes))
     if sum(layout.unpacked) > _MOST_BYTES:
         raise ValueError(f"it packs arrays of {sum(layout.unpacked):,} bytes, more than {_MOST_BYTES:,}")
-    lengths = told[3:].astype(np.int64)
+    lengths = stated[3:].astype(np.int64)
     packed = part(head if raw else _in_base64(head), int(lengths.sum()))
     blocks = []
     for n_bytes, n_packed, end in zip(sizes, lengths.tolist(), np.cumsum(lengths).tolist(), strict=True):
         block = layout.decompressor().decompress(packed[end - n_packed : end], n_bytes + 1)
         if len(block) != n_bytes:
             more = "more than" if len(block) > n_bytes else f"{len(block):,} bytes in place of"
-            raise ValueError(f"a block has {more} {n_bytes:,} bytes that it tells")
+            raise ValueError(f"a block has {more} {n_bytes:,} bytes that it states")
         blocks.append(block)
     return b"".join(blocks)
 

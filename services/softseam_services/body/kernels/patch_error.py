@@ -7,7 +7,7 @@ place of nodes: every cell takes the samples of the cells that share a node with
 
 with r the distance to the cell's middle in cell edges. `recover.nodal_recovery` fits such polynomials around
 nodes, for read-out; to measure quadratic cells the recovered stress must be one order better than theirs inside, too.
-Where the samples cannot tell a slope or curvature (a body one cell thick), the least one is taken.
+Where the samples do not determine a slope or curvature (a body one cell thick), the least one is taken.
 """
 
 import numpy as np

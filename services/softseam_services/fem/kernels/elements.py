@@ -64,6 +64,6 @@ def strain_energy(x, model, parameters, work):
 def cauchy_stress(x, model, parameters, work, out):
     """Cauchy stress xx yy zz yz xz xy of the octants, out (c, 8, 6) [Pa] updated in place; zero in an empty one."""
     if model.general:
-        points.cauchy_stress(x, model, parameters.told, work, out)
+        points.cauchy_stress(x, model, parameters.shown, work, out)
     else:
         cells.cauchy_stress(x, model, parameters, work, out)

@@ -1,4 +1,4 @@
-"""Fields of a state, as a region tells them: stress of its cells, and forces on its surface's points."""
+"""Fields of a state, as a region reports them: stress of its cells, and forces on its surface's points."""
 
 import numpy as np
 
@@ -8,17 +8,17 @@ from softseam_services.jit import njit
 
 
 @njit(cache=True, error_model="numpy")
-def gather_forces(contact, model, parameters, point_of_node, told):
-    """told (n_surface, t, 3) [N] <- forces of all points on the surface's, with the same sums.
+def gather_forces(contact, model, parameters, point_of_node, gathered):
+    """gathered (n_surface, t, 3) [N] <- forces of all points on the surface's, with the same sums.
 
     contact (p, t, 9) contact state; what acts on a point inside a face is shared among the face's nodes by its
     weights; point_of_node (n,) surface point at each node, -1 for none
     """
-    n_surface, n_tools = told.shape[0], told.shape[1]
+    n_surface, n_tools = gathered.shape[0], gathered.shape[1]
     for point in range(n_surface):
         for tool in range(n_tools):
             for i in range(3):
-                told[point, tool, i] = contact[point, tool, i]
+                gathered[point, tool, i] = contact[point, tool, i]
     for point in range(n_surface, len(model.point_face)):
         if model.point_face[point] < 0:
             continue
@@ -26,7 +26,7 @@ def gather_forces(contact, model, parameters, point_of_node, told):
             to, weight = point_of_node[model.point_node[entry]], parameters.point_weight[entry]
             for tool in range(n_tools):
                 for i in range(3):
-                    told[to, tool, i] += weight * contact[point, tool, i]
+                    gathered[to, tool, i] += weight * contact[point, tool, i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -38,13 +38,13 @@ def read_fields(x, contact, model, parameters, point_of_node, work, cauchy, plac
     x (n, 3); contact and point_of_node as above
     """
     elements.cauchy_stress(x, model, parameters, work, cauchy)
-    told = np.empty((len(force), contact.shape[1], 3))
-    gather_forces(contact, model, parameters, point_of_node, told)
+    gathered = np.empty((len(force), contact.shape[1], 3))
+    gather_forces(contact, model, parameters, point_of_node, gathered)
     for point in range(len(force)):
         largest, which = 0.0, -1
         sx = sy = sz = 0.0
-        for tool in range(told.shape[1]):
-            fx, fy, fz = told[point, tool, 0], told[point, tool, 1], told[point, tool, 2]
+        for tool in range(gathered.shape[1]):
+            fx, fy, fz = gathered[point, tool, 0], gathered[point, tool, 1], gathered[point, tool, 2]
             square = fx * fx + fy * fy + fz * fz
             if square > largest:
                 largest, which = square, tool

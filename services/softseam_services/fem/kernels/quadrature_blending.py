@@ -6,7 +6,7 @@ quadrature has none. With the least principal stretch s of a cell's mean deforma
   b += FOLLOWS (r^2 (3 - 2 r) - b),  r = (FIRST - s)/(FIRST - LAST) within 0 .. 1                                  (1)
 b follows with a memory, as a cell in full quadrature is stiffer, so less squeezed when the next step begins: with all
 of it at once thin parts that fold passed to and fro from step to step. It stays over the step: the force is that of an
-energy. What its change adds to the energy at the step's start is told.
+energy. What its change adds to the energy at the step's start is reported.
 Cells that are joined to others (kernels/joints.py) stay: full quadrature has no group of octants.
 """
 

@@ -3,7 +3,7 @@
 Implicit Euler damps as a b of the length h of its substep would (zeta = omega h/2), so b - h is left to add. With
 c = (b - h)/h a substep asks for Lambda = P + c (P - P'_n), P'_n the stress at its start in the frame that the block is
 about to have. For y = (Lambda + c P'_n)/(1 + c) that is y = P, and a change of Lambda is 1 + c times one of y: so the
-sweeps, told that h^2 is (1 + c) h^2, bring y to P as ever, and
+sweeps, given that h^2 is (1 + c) h^2, bring y to P as ever, and
 
 y = (Lambda'_n + c P'_n)/(1 + c)  before them,   Lambda = (1 + c) y - c P'_n  after them                       (1)
 

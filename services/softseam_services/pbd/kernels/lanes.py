@@ -2,7 +2,7 @@
 
 A node is x, y, z, w; four nodes are a 4 x 4 matrix whose transpose is four rows. Written number by number, the moves
 cost more than the arithmetic between them, because a vector cannot be read while the numbers that it is made of are
-still on their way to the cache; so they are told to the compiler as the vectors that they are. Arrays are float64,
+still on their way to the cache; so they are given to the compiler as the vectors that they are. Arrays are float64,
 C-contiguous, and indexed as if flat; nothing checks the bounds.
 """
 

@@ -16,7 +16,7 @@ SLIP_SINCE  3  slip since the point began to touch [m]
 MEAN        3  force [N], mean over the step so far
 MOMENT      3  torque about the tool's position [N m], mean over the step so far
 WORK        1  work of the tool on the point [J]; friction takes none of it
-DEPTH       1  how much deeper the point was inside the tool at the start of the step than its force tells [m]
+DEPTH       1  how much deeper the point was inside the tool at the start of the step than its force says [m]
 GAP         4  gap [m] and normal
 CHANGE      3  the change of FORCE in the last projection [N]
 HOLD        1  directions in which the tool holds the point: 0, 1 where it slides, 3 where it sticks
@@ -124,7 +124,7 @@ def _open(group, n_nodes, rows, pairs):
 
 @njit(cache=True, error_model="numpy")
 def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
-    """contacts.found (p, 4) <- gap to a tool where it starts, how much deeper than its force tells a point is inside
+    """contacts.found (p, 4) <- gap to a tool where it starts, how much deeper than its force says a point is inside
     [m], in which of RANKS a pair is, and LAG [m]; those that are none have NOT_FOUND.
 
     Under tools that go by LAG is 0: other patches would be pressed then, and cut into what yields more."""

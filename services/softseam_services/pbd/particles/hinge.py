@@ -11,7 +11,7 @@ Fedkiw 2003, "Simulation of clothing with folds and wrinkles", eq. 3 to 5) follo
 On a sheet's lattice (spacings a, b; diagonal L) three particles in a row have a hinge at an edge across the row, whose
 wings are the outer two, and each cell has one at a diagonal; which edge and which diagonal changes as the colours of a
 chessboard do. Where it is flat, small deflections w open them by (w_2 - 2 w_0 + w_3)/a, or /b, and by L/(a b) times the
-mixed difference, so that their energy is that of the lattice's bends, of which `lattices` tells, for any w, if the
+mixed difference, so that their energy is that of the lattice's bends, which `lattices` describes, for any w, if the
 stiffnesses are
     D b/a,  D a/b,  2 D a b/L^2                                                                                     (3)
 across rows along x, along y and in cells (half of it in rows on the border). Hinges at all edges of one triangulation,

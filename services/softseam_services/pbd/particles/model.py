@@ -35,7 +35,7 @@ class Layout(NamedTuple):
 
     @property
     def key(self) -> bytes:
-        """What tells it from others."""
+        """What distinguishes it from others."""
         return key_of(*self)
 
 

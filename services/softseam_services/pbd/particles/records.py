@@ -86,7 +86,7 @@ class ParameterArrays(NamedTuple):
 
 @record
 class Inputs(NamedTuple):
-    """What a step is told: t tools."""
+    """What a step is given: t tools."""
 
     position: Floats
     """at the start of the step (t, 3) [m]"""
@@ -101,7 +101,7 @@ class Inputs(NamedTuple):
 
 @record
 class Outputs(NamedTuple):
-    """What a step tells beside the state, overwritten: n particles, t tools."""
+    """What a step gives beside the state, overwritten: n particles, t tools."""
 
     mean: Floats
     """contact force on particles, mean over the step (n, 3) [N]"""

@@ -135,20 +135,20 @@ def advance(
     scratch: StepScratch,
 ) -> None:
     """Take the step, of `scratch.next` in place."""
-    told, outputs, work, numbers = scratch.inputs, scratch.outputs, scratch.next, parameters.arrays
-    told.position[:], told.orientation[:] = inputs.position, inputs.orientation
-    told.position_next[:], told.orientation_next[:] = inputs.position_next, inputs.orientation_next
-    told.gripping[:] = 0
+    given, outputs, work, numbers = scratch.inputs, scratch.outputs, scratch.next, parameters.arrays
+    given.position[:], given.orientation[:] = inputs.position, inputs.orientation
+    given.position_next[:], given.orientation_next[:] = inputs.position_next, inputs.orientation_next
+    given.gripping[:] = 0
     if parameters.body.solid is None:
-        told.gripping[: len(inputs.gripping)] = inputs.gripping
-    take_hold(numbers, work, told)
+        given.gripping[: len(inputs.gripping)] = inputs.gripping
+    take_hold(numbers, work, given)
     arrays, turning = scratch.arrays, scratch.turning
     begun = (work.x.copy(), work.v.copy()) if turning is not None and (work.held < 0.0).all() else None
-    count = advance_step(model.arrays, numbers, work, told, arrays, outputs, dt, n_substeps, parameters.spec.sweeps)
+    count = advance_step(model.arrays, numbers, work, given, arrays, outputs, dt, n_substeps, parameters.spec.sweeps)
     if turning is not None and begun is not None:
         alone = numbers.drag == 0.0 and not outputs.wrench.any()
         turning.end_of_substeps(begun, work.x, work.v, dt, n_substeps, alone)
-    k.summarise(numbers, work, told, arrays.contacts, outputs, count)
+    k.summarise(numbers, work, given, arrays.contacts, outputs, count)
 
 
 def measure(model: ParticleModel, parameters: ParticleParameters, scratch: StepScratch) -> None:

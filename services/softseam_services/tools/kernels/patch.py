@@ -15,7 +15,7 @@ which is inside by its own d and pushed along its own normal n, with its share o
 and what resists a turn of the patch is the spread of the places about the mean of theirs, all weighted by F':
   (s', t') = mean (s_q, t_q),   c_ss, c_st, c_tt = mean of (s_q - s')^2, (s_q - s') (t_q - t'), (t_q - t')^2     (3)
 So a patch is let go by and by as an edge passes, and turns as it is pressed in part. All of it is the slope of an
-energy of places: what a tool puts in it gets back. Where a tool lies flat on all of a patch, its corners tell.
+energy of places: what a tool puts in it gets back. Where a tool lies flat on all of a patch, its corners count.
 """
 
 from typing import Any

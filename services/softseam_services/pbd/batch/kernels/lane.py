@@ -26,7 +26,7 @@ MOST = (1 << 40) - 1
 
 @lane_kernel
 def first_of(row):
-    """Where a row begins. The mask tells the compiler that it is not negative: else loops would not vectorise."""
+    """Where a row begins. The mask shows the compiler that it is not negative: else loops would not vectorise."""
     return (WIDE * row) & MOST
 
 

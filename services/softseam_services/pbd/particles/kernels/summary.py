@@ -14,7 +14,7 @@ N_RESULTS = 19
 
 @njit(cache=True, error_model="numpy")
 def summarise(parameters, state, inputs, contacts, outputs, count):
-    """Fill result (N_RESULTS,): energies [J], momenta, bounds; `count` candidates tell the deepest penetration and the
+    """Fill result (N_RESULTS,): energies [J], momenta, bounds; `count` candidates give the deepest penetration and the
     farthest slip of a solid's particle that touches [m]."""
     x, v, held, mean, result = state.x, state.v, state.held, outputs.mean, outputs.result
     mass, x_rest, gravity = parameters.mass, parameters.x_rest, parameters.gravity
