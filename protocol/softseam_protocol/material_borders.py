@@ -19,7 +19,7 @@ Piece = tuple[float, float, int]
 
 APART = 0.1
 """planes that are closer than that to another, or to a face, are left out [wanted cell edges]"""
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 
 
 def material_borders(
@@ -39,8 +39,8 @@ def material_borders(
         if any(ends[axis][1] <= 0.0 or ends[axis][0] >= size[axis] for axis in range(3)):
             continue
         for axis in range(3):
-            inside = (at for at in ends[axis] if _ROUNDING * size[axis] < at < (1.0 - _ROUNDING) * size[axis])
-            planes[axis].update(at for at in inside if all(abs(at - p) > _ROUNDING * size[axis] for p in planes[axis]))
+            inside = (at for at in ends[axis] if ROUNDING * size[axis] < at < (1.0 - ROUNDING) * size[axis])
+            planes[axis].update(at for at in inside if all(abs(at - p) > ROUNDING * size[axis] for p in planes[axis]))
     x, y, z = (tuple(sorted(each)) for each in planes)
     return x, y, z
 
@@ -49,7 +49,7 @@ def half_edges(size: Vector, rotation: Vector) -> Vector | None:
     """Half edges of a box along x, y and z, turned by quarters; None where it is turned otherwise."""
     x, y, z = (0.5 * edge for edge in size)
     turns = [angle / (0.5 * math.pi) for angle in rotation]
-    about = [axis for axis in range(3) if abs(turns[axis]) > _ROUNDING]
+    about = [axis for axis in range(3) if abs(turns[axis]) > ROUNDING]
     if len(about) > 1 or any(abs(turn - round(turn)) > 1e-6 for turn in turns):
         return None
     if not about or round(turns[about[0]]) % 2 == 0:
@@ -68,7 +68,7 @@ def pieces(edge: float, wanted: float, planes: Sequence[float]) -> tuple[Piece, 
             ends.append(plane)
     ends.append(edge)
     return tuple(
-        (low, high, max(1, math.floor((high - low) / wanted + 0.5 + _ROUNDING))) for low, high in pairwise(ends)
+        (low, high, max(1, math.floor((high - low) / wanted + 0.5 + ROUNDING))) for low, high in pairwise(ends)
     )
 
 

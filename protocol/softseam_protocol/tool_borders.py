@@ -7,11 +7,10 @@ axis. It presses the face there, and the four sides of its own face, continued t
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from softseam_protocol.material_borders import half_edges
+from softseam_protocol.material_borders import ROUNDING, half_edges
 from softseam_protocol.scene.spec import Vector, wrong
 from softseam_protocol.scene.tools import BoxTool, ToolSpec
 
-_ROUNDING = 1e-9
 _AT = ("body", "shape", "towards")
 
 
@@ -43,13 +42,13 @@ def tool_borders(
         away = [tool.position[axis] - middle[axis] for axis in range(3)]
         clear = [abs(away[axis]) - half[axis] - 0.5 * size[axis] for axis in range(3)]
         facing = max(range(3), key=lambda axis: clear[axis])
-        if sum(gap > _ROUNDING for gap in clear) > 1:
+        if sum(gap > ROUNDING for gap in clear) > 1:
             raise wrong(f"{name} is past an edge of the block at time 0, and looks at no face: leave it out", *_AT, i)
         faces[facing][away[facing] > 0.0] = True
         for axis in {0, 1, 2} - {facing}:
             for side, edge in enumerate((away[axis] - half[axis], away[axis] + half[axis])):
                 at = edge + 0.5 * size[axis]
-                if _ROUNDING * size[axis] < at < (1.0 - _ROUNDING) * size[axis]:
+                if ROUNDING * size[axis] < at < (1.0 - ROUNDING) * size[axis]:
                     planes[axis].add(at)
                 else:
                     faces[axis][side] = True

@@ -14,7 +14,7 @@ MODELS: dict[Model, str] = {FEM: "FEM", XPBD: "XPBD", HYBRID: "FEM and XPBD"}
 
 EDGE = 0.02
 """of the block [m]"""
-POISSON, DENSITY = 0.3, 1000.0
+YOUNG, POISSON, DENSITY = 2e4, 0.3, 1000.0
 
 
 def press(

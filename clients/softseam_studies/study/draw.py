@@ -44,7 +44,6 @@ LEAST = 1e-5
 """smaller errors are drawn as this one [1]"""
 NEAR = 0.05
 """marks that are closer to one with a number have none in the picture, but in the list [decades]"""
-_ERRORS = (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 
 
 def draw_chart(
@@ -147,8 +146,9 @@ def _scales(axes: Axes, at: Sequence[tuple[float, float]], reference: Reference)
     right.set_ylabel("accuracy [%]", fontsize=10.5, color=SOFT)
     right.tick_params(colors=SOFT, labelsize=9, length=0)
     right.spines["right"].set_visible(False)
+    ticks = [float(f"{digit}e{power}") for power in range(-4, 1) for digit in (1, 2, 5)]
     for axis, less in ((axes.yaxis, 0.0), (right.yaxis, 100.0)):
-        axis.set_major_locator(FixedLocator([each for each in _ERRORS if low <= each]))
+        axis.set_major_locator(FixedLocator([each for each in ticks if low <= each <= WORST]))
         axis.set_major_formatter(FuncFormatter(lambda value, _, less=less: f"{abs(less - 100 * value):g}"))
         axis.set_minor_locator(NullLocator())
     if low < known < WORST:

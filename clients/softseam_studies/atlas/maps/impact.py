@@ -5,20 +5,18 @@ from typing import Any
 
 from softseam.observation import Observation
 from softseam_studies.atlas.maps.grid import Cell, Map, Panel
-from softseam_studies.atlas.scenes import MODELS, PAIR, Model
+from softseam_studies.atlas.scenes import EDGE, MODELS, PAIR, Model
 from softseam_studies.atlas.trace import follow
 from softseam_studies.atlas.verdicts import Verdict, judge
 
-SPEEDS = (0.3, 1.0, 3.0, 10.0)
-"""[m/s]"""
-THICKNESSES = (0.2e-3, 1e-3, 5e-3, 20e-3)
-"""[m]"""
 HIT = ("plate", "rod")
-EDGE, STEP, GAP = 0.02, 0.01, 0.01
+STEP, GAP = 0.01, 0.01
 
 
-def build(speeds: tuple[float, ...] = SPEEDS, thicknesses: tuple[float, ...] = THICKNESSES) -> Map:
-    """The map; a smaller one for tests."""
+def build(
+    speeds: tuple[float, ...] = (0.3, 1.0, 3.0, 10.0), thicknesses: tuple[float, ...] = (0.2e-3, 1e-3, 5e-3, 20e-3)
+) -> Map:
+    """The map, of speeds [m/s] and thicknesses [m]; a smaller one for tests."""
     panels = [(model, hit) for model in PAIR for hit in HIT]
     cells = [
         Cell(

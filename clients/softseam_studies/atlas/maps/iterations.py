@@ -11,7 +11,6 @@ from softseam_studies.atlas.scenes import XPBD, force_share, press, pressed
 from softseam_studies.atlas.trace import Trace, follow
 from softseam_studies.atlas.verdicts import Verdict, judge
 
-YOUNGS = (1e3, 1e4, 1e5, 1e6)
 SUBSTEPS: tuple[int | str, ...] = (1, 2, 4, 8, 16, 32, 64, "auto")
 SWEEPS = (1, 2, 4, 8, 16, 32)
 STRETCHES = (5.0, 50.0, 500.0, 5000.0)
@@ -34,7 +33,7 @@ def build(sweeps: tuple[int, ...] = SWEEPS, substeps: tuple[int | str, ...] = SU
                 label = f"{name}, {column}, {row:g}"
                 cells.append(Cell(number, i, j, label, partial(run, column, row), 0.2, number == 2))
 
-    panel(0, substeps, YOUNGS, "XPBD block", block)
+    panel(0, substeps, (1e3, 1e4, 1e5, 1e6), "XPBD block", block)
     panel(1, sweeps, STRETCHES, "XPBD rope", rope)
     panel(2, sweeps, SHARES, "classic rope", partial(classic, per_substep=False))
     panel(3, sweeps, SHARES, "classic rope, per substep", partial(classic, per_substep=True))

@@ -6,12 +6,12 @@ from typing import get_args
 from softseam_protocol.scene.scene import Scene
 from softseam_studies.atlas.faults import Fault, Told, disturbed, judged
 from softseam_studies.atlas.maps.grid import Cell, Map, Panel
-from softseam_studies.atlas.scenes import MODELS, Model, press
+from softseam_studies.atlas.scenes import MODELS, YOUNG, Model, press
 from softseam_studies.atlas.verdicts import Verdict
 
 EVERY = (64, 32, 16, 8, 4)
 FAULTS: tuple[Fault, ...] = tuple(reversed(get_args(Fault)))
-YOUNG, STEP = 2e4, 0.005
+STEP = 0.005
 
 
 def build(every: tuple[int, ...] = EVERY) -> Map:

@@ -7,19 +7,19 @@ from softseam.observation import Observation
 from softseam_protocol.scene.kinds import ELEMENTS as FACTS
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_studies.atlas.maps.grid import Cell, Map, Panel
-from softseam_studies.atlas.scenes import FEM
+from softseam_studies.atlas.scenes import FEM, YOUNG
 from softseam_studies.atlas.trace import Trace, follow
 from softseam_studies.atlas.verdicts import Verdict, judge
 
-RATIOS = (0.3, 0.4, 0.45, 0.49, 0.499, 0.4999)
 ELEMENTS: tuple[ElementKind, ...] = tuple(reversed(list(FACTS)))
 CONTROLS: tuple[ElementKind, ...] = ("hex8_full", "tet4")
 """elements without a cure"""
 BOUND = 0.05
-YOUNG = 2e4
 
 
-def build(ratios: tuple[float, ...] = RATIOS, elements: tuple[ElementKind, ...] = ELEMENTS) -> Map:
+def build(
+    ratios: tuple[float, ...] = (0.3, 0.4, 0.45, 0.49, 0.499, 0.4999), elements: tuple[ElementKind, ...] = ELEMENTS
+) -> Map:
     """The map; a smaller one for tests."""
     cells = [
         Cell(

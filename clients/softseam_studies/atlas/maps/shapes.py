@@ -18,8 +18,6 @@ from softseam_studies.atlas.trace import Trace, follow
 Floats = NDArray[np.float64]
 Surface = Callable[[Floats, Floats], tuple[Floats, Floats, Floats]]
 
-CELLS = (12.0, 8.0, 6.0, 4.0)
-"""edges [mm]"""
 FINEST = 3.0
 SQUEEZE, TIME = 0.1, 0.1
 """of the body's width [1], [s]"""
@@ -45,7 +43,7 @@ SURFACES: dict[str, Surface] = {
 """points (...) [mm] by u from 0 to pi and v from 0 to 2 pi"""
 
 
-def build(shapes: tuple[str, ...] = tuple(SURFACES), edges: tuple[float, ...] = CELLS) -> Map:
+def build(shapes: tuple[str, ...] = tuple(SURFACES), edges: tuple[float, ...] = (12.0, 8.0, 6.0, 4.0)) -> Map:
     """The map; a smaller one for tests."""
     text = (
         "Meshes of lumps (E 20 kPa; ball 24 mm, bun 36 x 18, star 38 x 16, ring 44 x 12) lie between rough plates, "

@@ -7,13 +7,10 @@ from typing import Any
 import numpy as np
 
 from softseam_studies.atlas.maps.grid import Cell, Map, Panel
-from softseam_studies.atlas.scenes import MODELS, PAIR, Model
+from softseam_studies.atlas.scenes import DENSITY, MODELS, PAIR, YOUNG, Model
 from softseam_studies.atlas.trace import follow
 from softseam_studies.atlas.verdicts import Verdict, judge, percent
 
-SLOPES = (10.0, 20.0, 30.0, 40.0)
-"""[degrees]"""
-FRICTIONS = (0.2, 0.4, 0.6, 0.8, 1.0)
 GROUNDS = ("plane", "box")
 BOUND = 0.01
 """of the speed of what slides, of that without friction"""
@@ -22,11 +19,13 @@ CREEP = 2e-4
 GRAVITY, TIME, STEP = 9.81, 0.6, 0.01
 VISCOUS = 5e-3
 """of the block: one that nothing damps rings on, and slips each time that it hardly presses [s]"""
-DENSITY, YOUNG, SIZE = 1000.0, 2e4, (0.04, 0.04, 0.02)
+SIZE = (0.04, 0.04, 0.02)
 
 
-def build(slopes: tuple[float, ...] = SLOPES, frictions: tuple[float, ...] = FRICTIONS) -> Map:
-    """The map; a smaller one for tests."""
+def build(
+    slopes: tuple[float, ...] = (10.0, 20.0, 30.0, 40.0), frictions: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8, 1.0)
+) -> Map:
+    """The map, of slopes [degrees] and friction; a smaller one for tests."""
     panels = [(model, ground) for model in PAIR for ground in GROUNDS]
     cells = [
         Cell(

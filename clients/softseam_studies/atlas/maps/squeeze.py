@@ -3,17 +3,18 @@
 from functools import partial
 
 from softseam_studies.atlas.maps.grid import Cell, Map, Panel
-from softseam_studies.atlas.scenes import MODELS, PAIR, Model, confined, force_share, press
+from softseam_studies.atlas.scenes import MODELS, PAIR, YOUNG, Model, confined, force_share, press
 from softseam_studies.atlas.trace import follow
 from softseam_studies.atlas.verdicts import Verdict, judge
 
-SQUEEZES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 SPEEDS = (0.01, 0.1, 0.3, 1.0, 3.0)
 BOUND = 0.02
-YOUNG, STEP, HOLD = 2e4, 0.005, 0.4
+STEP, HOLD = 0.005, 0.4
 
 
-def build(squeezes: tuple[float, ...] = SQUEEZES, speeds: tuple[float, ...] = SPEEDS) -> Map:
+def build(
+    squeezes: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8), speeds: tuple[float, ...] = SPEEDS
+) -> Map:
     """The map; a smaller one for tests."""
     cells = [
         Cell(

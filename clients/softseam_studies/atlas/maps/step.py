@@ -7,8 +7,6 @@ from softseam_studies.atlas.scenes import MODELS, Model, force_share, press, pre
 from softseam_studies.atlas.trace import follow
 from softseam_studies.atlas.verdicts import Verdict, judge
 
-STEPS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
-YOUNGS = (1e3, 3e3, 1e4, 3e4, 1e5, 3e5, 1e6)
 HYBRID = (1e3, 1e4, 1e5, 1e6)
 HYBRID_STEPS = (0.001, 0.005, 0.01, 0.02, 0.05)
 """fewer where both models meet: there a run can cost ten seconds"""
@@ -16,7 +14,10 @@ BOUND = 0.02
 SQUEEZE = 0.1
 
 
-def build(steps: tuple[float, ...] = STEPS, youngs: tuple[float, ...] = YOUNGS) -> Map:
+def build(
+    steps: tuple[float, ...] = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1),
+    youngs: tuple[float, ...] = (1e3, 3e3, 1e4, 3e4, 1e5, 3e5, 1e6),
+) -> Map:
     """The map; a smaller one for tests."""
     cells = [
         Cell(

@@ -18,15 +18,13 @@ TOOLS: dict[str, dict[str, Any]] = {
 """by name, with radius or edge [mm]"""
 ABOVE = {"ball 3": 3e-3, "ball 10": 10e-3, "rod 3": 3e-3, "end 5": 10e-3, "box 12": 10e-3}
 """height of each one's middle over its lowest point [m]"""
-CELLS = (20.0, 10.0, 20.0 / 3, 5.0)
-"""edges [mm]"""
 FINEST = 20.0 / 6
 DEPTH, SPEED = 2e-3, 0.02
 PLACE = 3.1e-3, 2.7e-3
 """of the tool's axis, between nodes [m]"""
 
 
-def build(tools: tuple[str, ...] = tuple(TOOLS), edges: tuple[float, ...] = CELLS) -> Map:
+def build(tools: tuple[str, ...] = tuple(TOOLS), edges: tuple[float, ...] = (20.0, 10.0, 20.0 / 3, 5.0)) -> Map:
     """The map; a smaller one for tests."""
     text = (
         f"Tools, by radius or edge, are pressed {1e3 * DEPTH:g} mm into a bonded block of 40 x 40 x 20 mm (E 20 kPa), "
