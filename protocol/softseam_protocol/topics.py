@@ -163,13 +163,6 @@ class Keys:
         parts = tail.split("/")
         return Live(*parts) if head == self.root and len(parts) == 3 else None
 
-    def read_session(self, key: str) -> tuple[str, SessionTopic] | None:
-        """Session and topic of a published key, or None."""
-        prefix = f"{self.root}/session/"
-        session, _, name = key.removeprefix(prefix).partition("/")
-        topic = next((t for t in SESSION_TOPICS if t.name == name), None)
-        return (session, topic) if key.startswith(prefix) and topic is not None else None
-
 
 def topic_of(message: type) -> SessionTopic:
     """The session topic of a message class. Raises KeyError."""

@@ -80,10 +80,6 @@ class Lifeline:
             self._fd = -1
 
     @property
-    def supervised(self) -> bool:
-        return self._fd >= 0
-
-    @property
     def state(self) -> str:
         return self._state
 

@@ -105,10 +105,6 @@ class Supervisor:
         """Whether it stops, or has stopped."""
         return self._stopping
 
-    @property
-    def stopped(self) -> bool:
-        return not self._thread.is_alive()
-
     def wait_ready(self, timeout: float, names: Sequence[str] | None = None) -> bool:
         """Whether all children (or those named) are ready within `timeout` [s]; False too where it gave up."""
         wanted = [self._children[name] for name in names or self._children]

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from softseam_protocol.models import GAUSS_POINTS, OCTANT_CENTRES
+from softseam_protocol.models import GAUSS_POINTS
 from softseam_services.body import tetrahedron
 from softseam_services.body.body import Body, Floats, Ints
 from softseam_services.body.filled import FILL_FLOOR, filled_centroids, filled_moments
@@ -42,7 +42,7 @@ from softseam_services.body.own_shapes import sample_places
 _CORNERS: Ints = np.flatnonzero((LOCAL % 2 == 0).all(axis=1)).astype(np.int32)
 """local ids of a cell's corners (8,)"""
 _ALL = np.arange(27, dtype=np.int32)
-FEM_SAMPLE, PBD_SAMPLE = GAUSS_POINTS, OCTANT_CENTRES
+FEM_SAMPLE = GAUSS_POINTS
 """local coordinates of the samples are +- this"""
 SEEN = 1e-6
 """eigenvalue, over the sum of the weights, from which on the samples determine a slope or a curvature"""
