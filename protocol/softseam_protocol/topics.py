@@ -17,49 +17,14 @@ header.
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from softseam_protocol.messages.participant import (
-    Advanced,
-    Commit,
-    Committed,
-    Configured,
-    Failure,
-    Fields,
-    Released,
-    Request,
-    Restored,
-    SnapshotTaken,
-)
 from softseam_protocol.messages.recording import Begin, End, Recorded
-from softseam_protocol.messages.session import (
-    Close,
-    Closed,
-    Estimate,
-    Estimated,
-    Event,
-    Frame,
-    Load,
-    Observation,
-    Observations,
-    Open,
-    Reset,
-    Save,
-    Saved,
-    Step,
-    StepReport,
-)
+from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.wire.codec import is_name
 
 ROOT = "softseam"
 EVERY_NODE = f"{ROOT}/@node/*"
 DEFAULT_DEPLOYMENT = "local"
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-
-ClientRequest = Open | Reset | Step | Save | Load | Estimate | Close
-ClientReply = Observation | Observations | Saved | Estimated | Closed | Failure
-RecorderRequest = Begin | End | Commit
-RecorderReply = Recorded | Failure
-ParticipantReply = Configured | Advanced | Committed | Fields | SnapshotTaken | Restored | Released | Failure
-ParticipantRequest = Request
 
 
 def node(name: str) -> str:

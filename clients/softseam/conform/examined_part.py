@@ -31,17 +31,17 @@ from softseam_protocol.messages.participant import (
     PartMesh,
     Release,
     Released,
+    Reply,
     ToolMotion,
 )
 from softseam_protocol.models import NEAR_DEFAULT, taking
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.models import FemSpec, ModelsSpec
 from softseam_protocol.scene.scene import Scene
-from softseam_protocol.topics import ParticipantReply
 from softseam_protocol.wire.codec import decode, encode
 
 Floats = NDArray[np.float64]
-Reply = TypeVar("Reply")
+Kind = TypeVar("Kind")
 Vector = tuple[float, float, float]
 
 EDGE, STEP = 0.02, 0.002
@@ -107,7 +107,7 @@ class Service:
         """A name that no session had."""
         return f"conform-{self._run}-{next(self._names)}"
 
-    def ask(self, request: Any, kind: type[Reply]) -> Reply:
+    def ask(self, request: Any, kind: type[Kind]) -> Kind:
         """The answer. Raises Unmet where there is none, or another."""
         expected = f"{kind.__name__} in answer to {type(request).__name__}"
         reply = self._reply(encode(request), expected)
@@ -144,7 +144,7 @@ class Service:
     def _reply(self, payload: bytes, expected: str) -> Any:
         """The reply, or the error that came instead. Raises Silent."""
         try:
-            return decode(self.bus.request(self.key, payload, self.wait), ParticipantReply)
+            return decode(self.bus.request(self.key, payload, self.wait), Reply)
         except BusTimeout as error:
             raise Silent(expected, str(error)) from None
         except ProtocolError as error:

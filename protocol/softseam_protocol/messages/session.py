@@ -21,7 +21,7 @@ from softseam_protocol.messages.arrays import (
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.message import message
 from softseam_protocol.messages.outcomes import Detail, EventKind
-from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.messages.participant import Bundle, Failure
 
 
 @message
@@ -288,3 +288,7 @@ class Observations:
 
     header: Header
     steps: list[Observation]
+
+
+ClientRequest = Open | Reset | Step | Save | Load | Estimate | Close
+ClientReply = Observation | Observations | Saved | Estimated | Closed | Failure

@@ -14,7 +14,7 @@ from softseam_protocol.errors import BusTimeout, NoReply, ProtocolError, Refused
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Advanced, Configure, Failure, Reply, Request
 from softseam_protocol.models import MODELS, service_of
-from softseam_protocol.topics import Keys, ParticipantReply
+from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, worked
 
@@ -164,7 +164,7 @@ class BusTransport:
 
     def _decoded(self, name: str, request: Request, raw: bytes) -> Reply:
         try:
-            reply: Reply = decode(raw, ParticipantReply)
+            reply: Reply = decode(raw, Reply)
         except ProtocolError as error:
             raise ParticipantFailed(name, Failure(FailureKind.INVALID, f"its reply cannot be read: {error}")) from None
         if isinstance(reply, Failure):

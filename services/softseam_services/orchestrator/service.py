@@ -33,9 +33,22 @@ from softseam_protocol.errors import ProtocolError, Refused
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Failure
-from softseam_protocol.messages.session import Close, Closed, Estimate, Estimated, Load, Open, Reset, Save, Saved, Step
+from softseam_protocol.messages.session import (
+    ClientReply,
+    ClientRequest,
+    Close,
+    Closed,
+    Estimate,
+    Estimated,
+    Load,
+    Open,
+    Reset,
+    Save,
+    Saved,
+    Step,
+)
 from softseam_protocol.scene.file import SceneError
-from softseam_protocol.topics import ClientReply, ClientRequest, Keys
+from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline

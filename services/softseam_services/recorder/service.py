@@ -14,7 +14,7 @@ from softseam_protocol.errors import Refused
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Commit, Failure
 from softseam_protocol.messages.recording import Begin, End, Recorded
-from softseam_protocol.topics import Keys, RecorderRequest
+from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline
@@ -39,7 +39,7 @@ class RecorderHandler:
 
     def __call__(self, payload: bytes) -> bytes:
         """The reply. Raises Refused, DecodeError or SchemaMismatch."""
-        request = decode(payload, RecorderRequest)
+        request = decode(payload, Begin | End | Commit)
         session = request.header.session
         if not session:
             raise Refused(Failure(FailureKind.INVALID, "a recording needs the name of a session"))
