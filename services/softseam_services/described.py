@@ -118,7 +118,7 @@ def _added(scene: Scene, body: ParticleBody) -> str:
 def _condition(setup: Setup) -> dict[str, str]:
     """How hard XPBD is to sweep, at rest; nothing where it moves nothing, or so much that a check would wait for it."""
     scene, body = setup.scene, setup.body
-    if scene.regions.near is not None or body.n_cells > _QUICK:
+    if scene.regions.cut or body.n_cells > _QUICK:
         return {}
     found = condition_of(scene, body, setup.tools, body.x_rest)
     if found is None:
@@ -142,10 +142,10 @@ def _models(setup: Setup) -> dict[str, str]:
 
 
 def _regions(regions: RegionsSpec) -> str:
-    near = regions.near
-    if near is None:
+    default, near = regions.models
+    if not regions.cut:
         return f"{regions.default} everywhere"
-    reasons = [f"within {1e3 * near.within:.3g} mm of a tool"] if near.within is not None else []
-    if near.boxes:
-        reasons.append(f"in {len(near.boxes)} boxes")
-    return f"{near.model} {' and '.join(reasons) or 'nowhere'}, {regions.default} elsewhere"
+    reasons = [f"within {1e3 * regions.within:.3g} mm of a tool"] if regions.within is not None else []
+    if regions.boxes:
+        reasons.append(f"in {len(regions.boxes)} boxes")
+    return f"{near} {' and '.join(reasons) or 'nowhere'}, {default} elsewhere"

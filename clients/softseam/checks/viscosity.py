@@ -7,9 +7,9 @@ from softseam_protocol.models import some_read
 
 
 def look(seen: Written) -> Iterator[str]:
-    scene, near, default = seen.scene, seen.scene.regions.near, seen.scene.regions.default
+    scene = seen.scene
     time = scene.body.cell_materials[0].retardation_time
-    solved = some_read((default, near.model if near else default), "fem.integrator")
+    solved = some_read(scene.regions.models, "fem.integrator")
     if solved and 0.0 < time <= scene.step and scene.models.fem.integrator == "implicit_euler":
         yield (
             "in fem the step itself damps more than the material: take step < "

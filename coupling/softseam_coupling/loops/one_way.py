@@ -216,10 +216,8 @@ class OneWay:
 
     def _predict(self) -> tuple[Floats, Floats | None]:
         """Multipliers of the coming step (c, 3) [N], and where the parts beyond the impedance's are expected."""
-        dt = self._dt
-        return self._closure.allowed(self._multipliers.predict(dt)), self._target.predict(
-            dt
-        ) if self._target.known else None
+        target = self._target.predict(self._dt) if self._target.known else None
+        return self._closure.allowed(self._multipliers.predict(self._dt)), target
 
     def _first(self) -> dict[str, PartRequest]:
         """See `First`."""

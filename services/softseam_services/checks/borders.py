@@ -19,7 +19,7 @@ def look(seen: Cells) -> Iterator[str]:
     block, follows = (shape.size, spec.position, spec.inclusions), shape.borders == "materials"
     ball = inner_ball(*block)
     if ball and not follows:
-        alone = ", which takes one model: leave out regions.near" if seen.scene.regions.near else ""
+        alone = ", which takes one model: leave out regions.near" if seen.scene.regions.cut else ""
         yield (
             "a sphere inside the block is made up of octants of cells, as a staircase: say body.shape.borders: "
             f"materials, and they follow it{alone}"

@@ -13,11 +13,11 @@ def look(seen: Cells) -> Iterator[str]:
     if body.fixed.all():
         yield "body.fixed: all of the body is clamped, and nothing moves; make the boxes smaller"
     none: tuple[BoxRegion, ...] = ()
-    near, slack = scene.regions.near, 1e-6 * min(body.edges)
+    slack = 1e-6 * min(body.edges)
     spans = " .. ".join(str(end(x, axis=0).round(6).tolist()) for end in (np.min, np.max))
     for key, boxes, points, what in (
         ("body.fixed", scene.body.said("fixed", none), x, "no node"),
-        ("regions.near.boxes", near.boxes if near else none, x[body.cell_nodes[:, 13]], "no cell's middle"),
+        ("regions.near.boxes", scene.regions.boxes, x[body.cell_nodes[:, 13]], "no cell's middle"),
     ):
         for number, box in enumerate(boxes):
             inside = (points >= np.array(box.min) - slack) & (points <= np.array(box.max) + slack)

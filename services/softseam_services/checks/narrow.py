@@ -48,17 +48,17 @@ def listed(lengths: dict[str, float]) -> str:
 
 def _between_corners(seen: Cells) -> Iterator[str]:
     """Cells of one block are too firm between their corners; tools beside which cells are FEM's meet none of PBD's."""
-    scene, body, tools, near = seen.scene, seen.body, seen.tools, seen.scene.regions.near
-    asked = scene.models.pbd.coarse
-    if asked is None or not some_read((scene.regions.default, near.model if near else None), "pbd.coarse"):
+    regions, body, tools = seen.scene.regions, seen.body, seen.tools
+    asked = seen.scene.models.pbd.coarse
+    if asked is None or not some_read(regions.models, "pbd.coarse"):
         return
     coarse = coarse_cells(body, asked, tools)
     if not coarse.any():
         return
     corners = body.x_rest[body.cell_nodes[coarse]].reshape(-1, 3, 3, 3, 3)[:, ::2, ::2, ::2]
     edge = max(float(np.linalg.norm(np.diff(corners, axis=axis), axis=-1).max()) for axis in (1, 2, 3))
-    kept_away = near is not None and not some_read([near.model], "pbd.coarse") and near.within is not None
-    followed = {name for name, near_it in zip(tools.names, tools.near, strict=True) if near_it and kept_away}
+    kept_away = regions.within is not None and not some_read(regions.models[1:], "pbd.coarse")
+    followed = {name for name, it_is in zip(tools.names, tools.followed, strict=True) if it_is and kept_away}
     found = {name: width for name, width in narrower(seen, edge).items() if name not in followed}
     if found:
         yield (

@@ -39,10 +39,11 @@ def look(seen: Cells) -> Iterator[str]:
 
 def _left_to_pbd(seen: Cells) -> NDArray[np.bool_]:
     """Cells that PBD has, or may have (C,)."""
-    body, near, default = seen.body, seen.scene.regions.near, seen.scene.regions.default
-    left = np.full(body.n_cells, some_read((default, near.model if near else default), "pbd.substeps"))
-    if near is not None and some_read([default], "pbd.substeps") and not some_read([near.model], "pbd.substeps"):
+    body, regions = seen.body, seen.scene.regions
+    default, close = regions.models
+    left = np.full(body.n_cells, some_read((default, close), "pbd.substeps"))
+    if some_read([default], "pbd.substeps") and not some_read([close], "pbd.substeps"):
         middle = body.x_rest[body.cell_nodes[:, 13]]
-        for box in near.boxes:
+        for box in regions.boxes:
             left &= ~((middle >= box.min) & (middle <= box.max)).all(axis=1)
     return left

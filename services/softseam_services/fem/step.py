@@ -211,7 +211,7 @@ class Stepper:
         return bool(self.at_once and self._parts is None and self.work.memo[FACTORED])
 
     def new_compliance_root(self, anyway: bool) -> Floats:
-        """A root of d(coupling_x)/d(coupling_force) of the factor at hand (3s, 3s); empty if sent before, unless `anyway`."""
+        """A root of d(coupling_x)/d(coupling_force) of the factor at hand (3s, 3s); empty if sent, unless `anyway`."""
         if self._told == self.work.memo[N_FACTORS] and not anyway:
             return np.zeros((0, 0))
         self._told = float(self.work.memo[N_FACTORS])
