@@ -20,20 +20,28 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
 from softseam_coupling.kept_kernels import keep
+from softseam_services.jit.aside import Aside, returned
+from softseam_services.jit.quick import quickly, shorten
+
+shorten()
 
 
-def njit(*, cache: bool, apart: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+def njit(
+    *, cache: bool, apart: bool = False, aside: tuple[type, ...] | None = None, **options: Any
+) -> Callable[[Callable[..., Any]], Any]:
     """`numba.njit` with the same options; what the decorated function calls is compiled with it if decorated alike.
 
     apart: no two of its arrays overlap, as the compiler may then take for granted; and a kernel that Python calls is
     optimised twice. Where all that a loop over lanes does is call a deep tree of kernels with large tuples, it needs
     both to see that it can use vector instructions.
+    aside: what the function returns, floats and ints; it is compiled when first called, not with its callers (`Aside`).
+    For what few scenes need. Arguments have no defaults.
     """
 
     def decorate(function: Callable[..., Any]) -> Any:
         if vars(numba.config)["DISABLE_JIT"]:
             return function
-        kernel = _Kernel(function, options | {"nopython": True, "boundscheck": None}, apart)
+        kernel = _Kernel(function, options | {"nopython": True, "boundscheck": None}, apart, aside)
         if cache:
             keep(kernel)
         return kernel
@@ -44,15 +52,24 @@ def njit(*, cache: bool, apart: bool = False, **options: Any) -> Callable[[Calla
 class _Kernel(CPUDispatcher):
     """What Python sees of a kernel: called, it compiles a whole; kernels that call it get a part."""
 
-    def __init__(self, py_func: Callable[..., Any], targetoptions: dict[str, Any], apart: bool) -> None:
+    def __init__(
+        self, py_func: Callable[..., Any], targetoptions: dict[str, Any], apart: bool, aside: tuple[type, ...] | None
+    ) -> None:
         super().__init__(py_func, None, targetoptions, _WholeCompilerApart if apart else _WholeCompiler)
         self._part = _Part(py_func, None, targetoptions, _PartCompilerApart if apart else _PartCompiler)
+        self.aside = None if aside is None else Aside(self, returned(aside))
+
+    def compile(self, sig: Any) -> Any:
+        if self.aside is not None:
+            sig = self.aside.signature(tuple(sigutils.normalize_signature(sig)[0]))  # type: ignore[no-untyped-call]
+        with quickly():
+            return super().compile(sig)  # type: ignore[no-untyped-call]
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        return self._part.get_call_template(args, kws)
+        return self._part.get_call_template(args, kws) if self.aside is None else self.aside.call_template(args, kws)
 
     def get_overload(self, sig: Any) -> Any:
-        return self._part.get_overload(sig)
+        return self._part.get_overload(sig) if self.aside is None else self.aside.entry(tuple(sig))
 
 
 class _Part(CPUDispatcher):

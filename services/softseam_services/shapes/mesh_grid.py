@@ -17,7 +17,7 @@ HALF, ORIGIN, SPACING, COUNTS, VALUES = 0, 3, 6, 7, 10
 """where in the row they start"""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _weights(t):
     """Catmull-Rom weights of four values at t in [0, 1] between the middle two, and their derivatives."""
     tt = t * t
@@ -38,7 +38,7 @@ def _weights(t):
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _hold(shape, axis, at):
     """A coordinate on the grid in spacings, held where four values are around it; and how far beyond it was [m]."""
     u = (at - shape[ORIGIN + axis]) / shape[SPACING]

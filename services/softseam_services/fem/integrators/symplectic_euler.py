@@ -63,7 +63,7 @@ def _displace(model, parameters, shape, scale, x):
             x[node, i] = parameters.x_rest[node, i] + (scale * shape[3 * place + i] if place >= 0 else 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", aside=(int, int))
 def march(longest, x0, v0, dt, model, parameters, work, x, v):
     """Eq. (1) over dt from x0, v0 into x, v (n, 3), under the forces work.force; returns a status and the substeps."""
     n_substeps = int(np.ceil(dt / longest * (1.0 - 1e-12)))

@@ -107,7 +107,7 @@ def patch_edges(x, model, parameters, point, edges):
                 edges[which, i] += parameters.point_tilt[entry, which] * x[node, i]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def acting_weight(c, entry, parameters, work):
     """Weight of a node at the place where a candidate's force acts: its point, or beside it on its patch."""
     tilt, lean = parameters.point_tilt, work.lean
@@ -126,7 +126,7 @@ def acting_place(c, x, model, parameters, work, out):
         out[2] += weight * x[node, 2]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def coefficient(parameters, point, tool):
     """mu of eq. (1) of a tool at a surface point [1]."""
     return parameters.friction[tool] * parameters.friction_factor[point]

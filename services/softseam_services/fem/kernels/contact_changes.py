@@ -35,7 +35,7 @@ _TOLERANCE = 0.05
 """of eq. (1), in the length of d [1]"""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def find_changes(parameters, count, work):
     """work.change (c, 3, 3) <- what the factor lacks of the whole tangent of every candidate [N/m]; on patches under
     edges that tangent itself, for what the factor has of it is spread over other places."""
@@ -59,7 +59,7 @@ def find_changes(parameters, count, work):
             change[i, i] += tangential
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def apply_changes(model, parameters, count, v, work, out):
     """out (3 n_free,) <- C v in elimination order, of work.change."""
     for i in range(len(out)):
@@ -151,7 +151,7 @@ def add_resistance(sign, block, patch, extra, moved, force):
         force[2, i] += sign * (t * f + patch[i] * ((stiff_t - t) * stiff + turn_v))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", aside=())
 def solve_with_changes(model, parameters, tree, count, work):
     """work.d (3 n_free,) <- the solution of eq. (1), or what comes nearest in work.basis; A^-1 r on entry.
 

@@ -13,7 +13,7 @@ POINT, ACTING = 2, 3
 """where W of `spread` is: at a candidate's point, or where its force acts"""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _weight(c, entry, which, parameters, work):
     """Of a node, at a candidate's place in `spread` and `collect`."""
     if which == POINT:
@@ -49,7 +49,7 @@ def collect(c, which, values, model, parameters, work, out):
             out[2] += weight * values[place + 2]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def dot3(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 

@@ -126,14 +126,14 @@ def _add_point(model, parameters, tree, point, block, patch, work):
                 add_block(tree, work.values, cell, rank_a, rank_b, 1.0, pair)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def patch_weight(entry, parameters, patch):
     """Weight of a node where the force acted, by a row of work.factored_patch."""
     tilt = parameters.point_tilt
     return parameters.point_weight[entry] + patch[LEANS] * tilt[entry, 0] + patch[LEANS + 1] * tilt[entry, 1]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _spread_weight(a, b, parameters, patch):
     """Of two nodes: eq. (4) of kernels/contact.py, by a row of work.factored_patch."""
     tilt = parameters.point_tilt

@@ -43,7 +43,7 @@ def _apart(xe, tied, follow, d):
             d[i] -= follow[a] * xe[i, a]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", aside=())
 def subtract_forces(x, model, parameters, work, r):
     """r <- r - f(x), eq. (1), in elimination order; work.fe, with the forces of cells on their nodes, gains them.
 
@@ -78,7 +78,7 @@ def subtract_forces(x, model, parameters, work, r):
                     r[3 * place + i] -= fe[i, a]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", aside=())
 def add_tangents(x, model, parameters, work, definite):
     """Add K of eq. (2) to the fronts in work.values, updated in place; definite: positive semi-definite."""
     joints, numbers = model.joints, parameters.joints
@@ -109,7 +109,7 @@ def add_tangents(x, model, parameters, work, definite):
         scatter(K, local[:n], joints, joint, work.values)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", aside=(float,))
 def strain_energy(x, model, parameters, work):
     """Energy [J] whose gradient is f; work.energy (c,) of the root cells += theirs."""
     joints, numbers = model.joints, parameters.joints

@@ -214,14 +214,14 @@ def _too_slow(largest, first, tolerance, since):
     return rate >= 1.0 or np.log(tolerance / largest) < _PATIENCE * np.log(rate)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _is_worth(largest, before, enough, exact):
     """Whether corrections by the factor alone shrink too slowly, or would: the last step was not by it alone."""
     rate = largest / before
     return largest > enough and (exact or rate >= 1.0 or np.log(enough / largest) < _WORTH * np.log(rate))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def newton(x, x0, model, parameters, tree, tools, count, inertia, share, settings, flies, work):
     """Iterate x (n, 3) in place until no coordinate moves by settings.tolerance [m]; returns status and iterations.
 

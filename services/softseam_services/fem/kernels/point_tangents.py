@@ -70,7 +70,7 @@ def add_coupling(v, g, s, K):
                     K[a, 3 * i + k, b] = v[a, i] * g[b, k] + g[a, i] * v[b, k] + s * g[a, i] * g[b, k]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", aside=())
 def add_cell_tangents(x, model, rule, part, tree, work, definite):
     """Add part K at x, every cell into its front of work.values (lower triangle), updated in place.
 

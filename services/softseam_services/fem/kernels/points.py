@@ -104,7 +104,7 @@ def group_stresses(model, rule, work, cell, first, parameters, averaged, F, weig
                 P[at, i, j] += pull * H[at, i, j]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", aside=(float, int))
 def subtract_forces(x, model, rule, part, work, r):
     """r <- r - part f(x), eq. (2), in elimination order; returns the least J and the cell where it occurs.
 
@@ -162,7 +162,7 @@ def subtract_forces(x, model, rule, part, work, r):
     return least, worst
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", aside=(float,))
 def strain_energy(x, model, rule, part, work):
     """Energy [J] of eq. (1), whose gradient is f; work.energy (c,) += each cell's."""
     gather(x, model.cell_nodes, work.xe)
@@ -219,7 +219,7 @@ def strain_energy(x, model, rule, part, work):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", aside=())
 def cauchy_stress(x, model, rule, work, out):
     """Cauchy stress xx yy zz yz xz xy of the octants, out (c, 8, 6) [Pa] updated in place; zero in an empty octant.
 

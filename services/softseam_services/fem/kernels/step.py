@@ -272,7 +272,7 @@ def _keep_augmentation(x, count, work):
     work.augmentations[0] = at + 1
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def _implicit(scheme, model, parameters, now, end, inputs, settings, work):
     """x, v and history of the step's end by Newton's method; returns status, iterations and candidates of contact."""
     dt, past, tools, tree = inputs.dt, inputs.past, inputs.tools, model.tree

@@ -89,7 +89,7 @@ def _multiply(T, xe, nodes, f):
                 f[i, a] += row[a] * x
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", aside=())
 def subtract_viscous(x, x0, model, parameters, work, r):
     """r <- r - dV/dx at x (n, 3) of a step from x0, in elimination order; work.xe and work.fe are overwritten."""
     rule, c = parameters.viscous, work.viscous[0]
@@ -172,7 +172,7 @@ def _add_point(A, B, h, K):
                     row[b] += p * h[k, b] + q * h[i, b]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", aside=())
 def add_viscous_tangents(x, x0, model, parameters, tree, work, definite):
     """Add d2V/dx2 at x, every cell into its front of work.values (lower triangle), updated in place."""
     rule, c = parameters.viscous, work.viscous[0]

@@ -16,8 +16,13 @@ _FLAT = 1e-3  # of a mean deformation gradient: below, what is even in a motion 
 def resist(scheme, dt, share, x0, model, parameters, work):
     """work.viscous <- c of eq. (1); where it is not 0, work.resistance <- T and work.origin, work.volume from x0."""
     c = work.viscous[0] = viscous_share(scheme, dt, share)
-    if c == 0.0:
-        return
+    if c != 0.0:
+        _resist(c, x0, model, parameters, work)
+
+
+@njit(cache=True, error_model="numpy", aside=())
+def _resist(c, x0, model, parameters, work):
+    """work.resistance <- T of eq. (1) and work.origin, work.volume from x0."""
     rule = parameters.viscous
     n_elements, n_points, m = rule.gradient.shape[1], rule.gradient.shape[2], rule.nodes.shape[1]
     gather(x0, model.cell_nodes, work.xe)
