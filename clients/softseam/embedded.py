@@ -17,7 +17,7 @@ from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Recorded, SurfaceMesh
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, StepReport
 from softseam_protocol.models import ModelKind, that
-from softseam_protocol.scene.consistency import candidates
+from softseam_protocol.scene.consistency import OneBody, candidates
 from softseam_protocol.scene.file import SceneError, scene_from_bundle
 from softseam_protocol.scene.scene import Scene
 
@@ -54,9 +54,9 @@ class EmbeddedBackend:
         self.unrecorded = ""
         with translated(opening=True):
             check_tables()
-            compile_first(scene_from_bundle(bundle))
-            self.simulation: Simulation = Simulation(bundle, EmbeddedTransport(), emit=self._emit)
-            load_first(self.simulation)
+            self.simulation: Simulation = compiled(
+                scene_from_bundle(bundle), lambda: Simulation(bundle, EmbeddedTransport(), emit=self._emit)
+            )
 
     def doubts(self, scene: Scene) -> list[str]:
         from softseam_services.checks import doubts, size_of
@@ -74,9 +74,8 @@ class EmbeddedBackend:
             if bundle is None:
                 self.simulation.reset(seed)
             else:
-                compile_first(scene_from_bundle(bundle))
-                self.simulation, self._bundle = self.simulation.with_scene(bundle, seed), bundle
-                load_first(self.simulation)
+                self.simulation = compiled(scene_from_bundle(bundle), lambda: self.simulation.with_scene(bundle, seed))
+                self._bundle = bundle
         self._events.clear()
         if self._record is not None:
             self._start_recording(self._record, seed)
@@ -127,7 +126,7 @@ class EmbeddedBackend:
 
         if self._record is not None:
             raise BadInput("a gradient begins the run anew, which a recording does not show: open without record")
-        compile_first(self.simulation.scene)
+        compile_models(that(lambda facts: facts.gives_derivatives))
         tell_of_derivatives()
         with translated():
             gradient = differentiate(self.simulation, loss, names, commands, steps, near)
@@ -230,42 +229,51 @@ def surfaces_of(bundle: Bundle, seed: int) -> Mapping[str, SurfaceMesh]:
         return simulation.surfaces(bundle)
 
 
-def compile_first(scene: Scene) -> None:
-    """Compile what no process has compiled yet on this machine and a scene needs, so that no step waits for it."""
-    models: set[ModelKind] = set()
-    adjoint = {*that(lambda facts: facts.gives_derivatives)}
-    for name, body in scene.bodies.items():
-        if not body.has_cells:
-            continue  # particles: few kernels, which compile in seconds
-        for one in candidates(scene.of(name)):
-            regions = one.regions
-            models |= {model for model in regions.models if model is not None}
-            models |= set() if regions.goal is None else adjoint
-    compile_models(models)
+def compiled(scene: Scene, build: Callable[[], Simulation]) -> Simulation:
+    """A simulation with all compiled that its steps will need, so that no step waits for it.
+
+    What no process has compiled yet on this machine is compiled beside the building: of each body the first model that
+    it may have, and once it is known which it has, these alone.
+    """
+    from softseam_services.warm_up import Beside, load_kernels
+
+    with Beside() as beside:
+        first = {_first_model(scene.of(name)) for name, body in scene.bodies.items() if body.has_cells}
+        begun = beside.begin(first, "--whole")
+        if begun and sys.stderr.isatty():
+            print("compiling the solvers for this machine, once: half a minute or so", file=sys.stderr)
+        simulation = build()
+        needed: dict[str, Scene] = {}
+        for body in simulation.bodies.values():
+            if body.body.has_cells:
+                models = {*body.participants.parts.models.values()}
+                if body.scene.regions.goal is not None:
+                    models |= {*that(lambda facts: facts.gives_derivatives)}
+                needed |= dict.fromkeys(models, body.scene)
+        beside.begin(needed)
+        beside.wait(needed)
+        for model, one in needed.items():
+            load_kernels(model, one)
+    return simulation
+
+
+def _first_model(scene: OneBody) -> ModelKind:
+    """The model of near cells where there are such, else that of all."""
+    default, near = candidates(scene)[0].regions.models
+    return near or default
 
 
 def compile_models(models: Iterable[ModelKind]) -> None:
     """Compile of these models what no process has compiled yet on this machine. Raises SoftseamError where the
     solvers are not installed."""
     try:
-        from softseam_services.warm_up import compile_side_by_side, never_compiled
+        from softseam_services.warm_up import Beside
     except ImportError as error:
         raise missing_extra(error, SIMULATING) from error
-    fresh = [model for model in sorted(models) if never_compiled(model)]
-    if fresh:
-        if sys.stderr.isatty():
+    with Beside() as beside:
+        if beside.begin(models) and sys.stderr.isatty():
             print("compiling the solvers for this machine, once: a minute or so", file=sys.stderr)
-        compile_side_by_side(fresh)
-
-
-def load_first(simulation: Simulation) -> None:
-    """Load what a simulation's models have compiled, so that its first step does not wait for it."""
-    from softseam_services.warm_up import load_kernels
-
-    for body in simulation.bodies.values():
-        if body.body.has_cells:
-            for model in body.participants.parts.models.values():
-                load_kernels(model)
+        beside.wait(models)
 
 
 def tell_of_derivatives() -> None:

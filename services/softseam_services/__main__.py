@@ -35,6 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     every.add_argument("client", nargs="*", help="a command to run once all services are ready")
 
     warm = commands.add_parser("warm", help="compile every kernel into numba's cache")
+    warm.add_argument("--whole", action="store_true", help="of models: only what a whole body's first step needs")
     warm.add_argument("what", nargs="+", choices=(*solved_here(), "particles", "orchestrator"))
 
     health = commands.add_parser("health", help="say which services are well; 0 if all are")
@@ -47,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if args.command == "up":
         return up(UpOptions(_bus(args), args.directory, tuple(args.client), routes=dict(args.route)))
     if args.command == "warm":
-        return _warm(args.what)
+        return _warm(args.what, args.whole)
     return show_health(_bus(args), tuple(args.role or roles()))
 
 
@@ -65,8 +66,8 @@ def _bus(args: argparse.Namespace) -> BusOptions:
     return BusOptions(args.connect, listen, args.deployment, wait)
 
 
-def _warm(what: Sequence[str]) -> int:
-    from softseam_services.warm_up import WarmUpFailed, warm_orchestrator, warm_participant, warm_particles
+def _warm(what: Sequence[str], whole: bool) -> int:
+    from softseam_services.warm_up import WarmUpFailed, warm_orchestrator, warm_participant, warm_particles, warm_whole
 
     for name in what:
         try:
@@ -74,6 +75,8 @@ def _warm(what: Sequence[str]) -> int:
                 warm_orchestrator()
             elif name == "particles":
                 warm_particles()
+            elif whole:
+                warm_whole(name)
             else:
                 warm_participant(name, mesh=True)
         except WarmUpFailed as error:

@@ -6,12 +6,13 @@ compiled with the first scene that has one, before its first step, or ahead of t
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import subprocess
 import sys
 from collections.abc import Iterable
-from functools import cache, partial
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -36,6 +37,7 @@ from softseam_protocol.messages.participant import (
     SnapshotTaken,
 )
 from softseam_protocol.models import FAR_DEFAULT, MODELS
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.kernel_cache import compiling
@@ -94,7 +96,7 @@ def warm_participant(model: str, mesh: bool = False) -> None:
     with compiling(model):
         _ask_everything(model, mesh)
         if MODELS[model].one_side:
-            _solve_one_side(model)
+            _solve_whole(model, ("x",))
 
 
 def _asked(server: ParticipantServer, request: Request) -> object:
@@ -108,14 +110,20 @@ def _header(step: int, exchange: int = 0) -> Header:
     return Header(SCHEMA_VERSION, SESSION, "near", 0, step, exchange, 0.005 * step)
 
 
-def _solve_one_side(model: str) -> None:
-    """Of the same block on the ground, which is symmetric."""
+def warm_whole(model: str) -> None:
+    """Let a participant of `model` take a step of a whole body: what a first step needs, and no more."""
+    with compiling(model):
+        _solve_whole(model)
+
+
+def _solve_whole(model: str, symmetry: tuple[str, ...] = ()) -> None:
+    """A step of the same block on the ground, all of `model`."""
     scene = warm_scene(model)
     ground = {
         "tools": {"ground": scene.tools["ground"]},
         "motion": (),
         "regions": RegionsSpec(default=model),
-        "symmetry": ("x",),
+        "symmetry": symmetry,
     }
     bundle = Bundle(scene.model_copy(update=ground).model_dump_json(), {})
     setup = build_setup(bundle)
@@ -174,26 +182,65 @@ def never_compiled(model: str, module: str = "*") -> bool:
     return next((folder / "__pycache__").glob(f"{module}.*.nbi"), None) is None
 
 
-def compile_side_by_side(models: Iterable[str]) -> None:
-    """Compile the kernels of these models, each in a process of its own; what fails there is compiled when needed."""
-    command, quiet = [sys.executable, "-m", "softseam_services", "warm"], subprocess.DEVNULL
-    processes = [subprocess.Popen([*command, model], stdin=quiet, stdout=quiet, stderr=quiet) for model in models]
-    try:
-        for process in processes:
+class Beside:
+    """Compiles kernels of models in processes of their own, while this one does something else.
+
+    A context: what still runs at its end is stopped. What fails there is compiled here when needed, as is what was
+    compiled on this machine before, in part: that may be little.
+    """
+
+    def __init__(self) -> None:
+        self._fresh = {model for model in SOLVERS if never_compiled(model)}
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    def begin(self, models: Iterable[str], *options: str) -> set[str]:
+        """Begin those that nobody has compiled on this machine; which these are. options: of the command `warm`."""
+        begun = self._fresh & {*models}
+        command, quiet = [sys.executable, "-m", "softseam_services", "warm", *options], subprocess.DEVNULL
+        for model in sorted(begun):
+            self._processes[model] = subprocess.Popen([*command, model], stdin=quiet, stdout=quiet, stderr=quiet)
+        self._fresh -= begun
+        return begun
+
+    def wait(self, models: Iterable[str]) -> None:
+        """Until these are compiled; the others are stopped."""
+        for model in self._processes.keys() - {*models}:
+            self._processes.pop(model).kill()
+        for process in self._processes.values():
             process.wait()
-    finally:
-        for process in processes:
+
+    def __enter__(self) -> Beside:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for process in self._processes.values():
             process.kill()  # which is nothing to one that has ended
 
 
-@cache
-def load_kernels(model: str) -> None:
-    """Take a step of a small body by `model`, once a process: what a step needs is read from numba's cache then, some
-    tenths of a second that the first step of a simulation would wait for. Does nothing for a model without kernels."""
+def load_kernels(model: str, like: Scene | None = None) -> None:
+    """Take a step of a small body by `model`: what a step needs is read from numba's cache then, or compiled, some
+    tenths of a second that the first step of a simulation would wait for. Does nothing for a model without kernels, or
+    where it was done in this process.
+
+    like: the small body is of this scene's material, and its models have the same settings
+    """
     if model not in SOLVERS or not SOLVERS[model].kernels:
         return
-    whole = {"regions": RegionsSpec.model_validate({"default": model})}
-    _take_steps(warm_scene(model).model_copy(update=whole), steps=1)
+    scene = warm_scene(model)
+    scene = scene.model_copy(update={"regions": RegionsSpec.model_validate({"default": model})})
+    loaded = [model]
+    if like is not None and isinstance(like.body, BodySpec):
+        loaded += [like.body.material.kind, like.models.model_dump_json()]
+        body = scene.body.model_copy(update={"material": like.body.material})
+        scene = scene.model_copy(update={"body": body, "models": like.models})
+    if tuple(loaded) not in _loaded:
+        _loaded.add(tuple(loaded))
+        with contextlib.suppress(Exception):  # what a small body cannot have is loaded by the first step itself
+            _take_steps(scene, steps=1)
+
+
+_loaded: set[tuple[str, ...]] = set()
+"""models of which kernels were loaded in this process, with kinds of materials and settings"""
 
 
 def settle() -> None:

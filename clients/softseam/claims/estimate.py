@@ -73,9 +73,6 @@ class Estimate:
             return
         self._bundle = bundle_scene(self._sibling.scene, session.bundle.files)
         if self._beside is not None:
-            from softseam.embedded import compile_first
-
-            compile_first(self._sibling.scene)
             self._waits = cores() < 2
             if not self._waits:
                 self._beside.begin(self._bundle)

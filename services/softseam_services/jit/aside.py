@@ -1,9 +1,9 @@
 """Kernels that stand aside: compiled when one first calls them, which in most scenes nobody does.
 
-A kernel that is linked into its callers is compiled with them, whether a scene needs it or not: other laws, elements and
-integrators would be most of a first start. One that stands aside is a whole of its own, kept on disk by itself. Callers
-know what it takes and returns, and no more; they call it by an address, which they ask for at the first call. The code
-of either is what it would be in line, for LLVM changes no result of what it moves; a call costs some nanoseconds more.
+A kernel that is linked into its callers is compiled with them, whether a scene needs it or not: other laws, elements
+and integrators would be most of a first start. One that stands aside is a whole of its own, kept on disk by itself.
+Callers know what it takes and returns, and no more; they call it by an address, which they ask for at the first call. A
+call costs some nanoseconds more than the same code in line.
 """
 
 from __future__ import annotations
@@ -16,10 +16,13 @@ from importlib import import_module
 from typing import Any
 
 import llvmlite.binding
+import numba.core
 from llvmlite import ir
-from numba.core import cgutils, types, typing
 from numba.core.serialize import dumps
 
+cgutils: Any = numba.core.cgutils
+types: Any = numba.core.types
+typing: Any = numba.core.typing
 _log = logging.getLogger(__name__)
 _WORD, _BYTES = ir.IntType(64), ir.IntType(8).as_pointer()
 _SYMBOL = "softseam_aside"
@@ -43,14 +46,13 @@ class Aside:
         self._kernel, self._returns = kernel, returns
         self._entries: dict[tuple[Any, ...], object] = {}
 
-    def call_template(self, args: Any, kws: Any) -> Any:
+    def get_call_template(self, args: Any, kws: Any) -> Any:
         """As `Dispatcher.get_call_template`, without a look at the kernel's code."""
-        pysig, folded = self._kernel.fold_argument_types(args, kws)
-        taken = tuple(types.unliteral(each) for each in folded)
+        pysig, taken = self._kernel.fold_argument_types(args, kws)
         self.entry(taken)
         name = self._kernel.py_func.__name__
         template = typing.make_concrete_template(name, key=name, signatures=[self.signature(taken)])
-        return template, pysig, taken, {}  # type: ignore[no-untyped-call]
+        return template, pysig, taken, {}
 
     def signature(self, taken: tuple[Any, ...]) -> Any:
         """Of the kernel for these types."""
@@ -99,7 +101,6 @@ def _calling(title: str, what: bytes) -> Any:
     return call
 
 
-@ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_void_p, ctypes.c_uint64)
 def _address_of(at: int, size: int) -> int:
     """What compiled code asks for. Nothing can be raised through it: 0 where the kernel cannot be compiled."""
     try:
@@ -111,4 +112,5 @@ def _address_of(at: int, size: int) -> int:
     return address
 
 
-llvmlite.binding.add_symbol(_SYMBOL, ctypes.cast(_address_of, ctypes.c_void_p).value)
+_ENTRY = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_void_p, ctypes.c_uint64)(_address_of)
+llvmlite.binding.add_symbol(_SYMBOL, ctypes.cast(_ENTRY, ctypes.c_void_p).value)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numba
-from numba.core import compiler, event, sigutils
+from numba.core import compiler, event, sigutils, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
@@ -49,6 +49,9 @@ def njit(
     return decorate
 
 
+_unliteral: Callable[[Any], Any] = types.unliteral
+
+
 class _Kernel(CPUDispatcher):
     """What Python sees of a kernel: called, it compiles a whole; kernels that call it get a part."""
 
@@ -63,10 +66,13 @@ class _Kernel(CPUDispatcher):
         if self.aside is not None:
             sig = self.aside.signature(tuple(sigutils.normalize_signature(sig)[0]))  # type: ignore[no-untyped-call]
         with quickly():
-            return super().compile(sig)  # type: ignore[no-untyped-call]
+            return super().compile(sig)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        return self._part.get_call_template(args, kws) if self.aside is None else self.aside.call_template(args, kws)
+        # one part for all constants that it is called with
+        plain = tuple(_unliteral(each) for each in args)
+        named = {name: _unliteral(each) for name, each in kws.items()}
+        return (self._part if self.aside is None else self.aside).get_call_template(plain, named)
 
     def get_overload(self, sig: Any) -> Any:
         return self._part.get_overload(sig) if self.aside is None else self.aside.entry(tuple(sig))

@@ -1,8 +1,8 @@
 """Shorter ways through numba's compiler, which make the same code.
 
 Most of a first start is not LLVM's: numba's own Python finds types and writes instructions. It asks some of its
-questions ten thousand times over, each time anew. Here the answers are kept. What is patched is pinned by the lock file;
-another numba that has none of it compiles as it would.
+questions ten thousand times over, each time anew. Here the answers are kept. The lock file pins the numba that is
+patched.
 """
 
 from __future__ import annotations
@@ -12,10 +12,13 @@ import gc
 from collections.abc import Iterator
 from typing import Any
 
-from numba.core import targetconfig
-from numba.core.types import functions
+import numba.core.targetconfig
+import numba.core.types.functions
 from numba.extending import overload
 from numba.np import arrayobj
+
+targetconfig: Any = numba.core.targetconfig
+functions: Any = numba.core.types.functions
 
 _MISSING: Any = object()
 
@@ -24,8 +27,8 @@ def shorten() -> None:
     """Patch numba in this process. Idempotent."""
     config = targetconfig.TargetConfig
     if config.__eq__ is not _equal:
-        config.__eq__, config.__hash__ = _equal, _hash  # type: ignore[assignment,method-assign]
-        functions.BaseFunction.get_call_type = _call_type  # type: ignore[method-assign]
+        config.__eq__, config.__hash__ = _equal, _hash
+        functions.BaseFunction.get_call_type = _call_type
 
 
 def _equal(config: Any, other: Any) -> Any:

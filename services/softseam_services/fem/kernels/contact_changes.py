@@ -151,7 +151,7 @@ def add_resistance(sign, block, patch, extra, moved, force):
         force[2, i] += sign * (t * f + patch[i] * ((stiff_t - t) * stiff + turn_v))
 
 
-@njit(cache=True, error_model="numpy", aside=())
+@njit(cache=True, error_model="numpy")
 def solve_with_changes(model, parameters, tree, count, work):
     """work.d (3 n_free,) <- the solution of eq. (1), or what comes nearest in work.basis; A^-1 r on entry.
 

@@ -181,7 +181,7 @@ def _volume_gradient(F, model, parameters, cell, p, n, nodes, h):
         h[2, b] = h20 * g0 + h21 * g1 + h22 * g2
 
 
-@njit(cache=True, error_model="numpy", aside=())
+@njit(cache=True, error_model="numpy")
 def subtract_forces(x, model, parameters, work, r):
     """r <- r - f of eq. (2), in elimination order, from work.F as cells.py leaves it."""
     F, J, e, d, c, curvature = _scratch()
@@ -205,7 +205,7 @@ def subtract_forces(x, model, parameters, work, r):
                     r[3 * place + i] -= f[i, a]
 
 
-@njit(cache=True, error_model="numpy", aside=())
+@njit(cache=True, error_model="numpy")
 def add_cell_tangents(x, model, parameters, tree, work):
     """Add K of eq. (2) to the fronts in work.values, updated in place, from work.F as cells.py leaves it; nodes of a
     cell in elimination order. work.row is overwritten."""

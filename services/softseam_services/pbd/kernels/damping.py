@@ -186,7 +186,7 @@ def _turn_also(ws):
         write_row(ws, lane, STRESS, 2, w)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", aside=())
 def note_shapes(ws, xw, nodes, volume, constants, law, asked, frame, first, end):
     """P_n and F_n of the blocks in batches first .. end - 1 into asked (b, N_STRESS) and frame (b, N_FRAME)."""
     for batch in range(first, end):
@@ -200,7 +200,7 @@ def note_shapes(ws, xw, nodes, volume, constants, law, asked, frame, first, end)
             move_four(frame, N_FRAME * batch + LANES * row, ws, LANES * (STRESS + row))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", aside=())
 def begin_damping(ws, xw, nodes, constants, law, share, hh, asked, frame, stress, first, end):
     """Lambda to y of eq. (1), c = share, from the predicted positions in xw, which move by what Lambda's turn adds.
 

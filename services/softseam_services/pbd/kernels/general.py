@@ -32,7 +32,7 @@ from .block import (
     shape,
     write_row,
 )
-from .lanes import LANES, batch_kernel, lane_kernel
+from .lanes import LANES, lane_kernel, rare_kernel
 from .memory import follow, remembers, respond, small
 from .neo_hookean import cofactors, stress_row, turned_back
 
@@ -90,7 +90,7 @@ def solve_nine(A, root, volume, r, M, y):
             r[i] -= volume * A[i, j] * root[j % 3] * y[j]
 
 
-@batch_kernel
+@rare_kernel
 def project_lanes_general(ws, constants, law, kappa, hh):
     """Solve four blocks once: Lambda += dLambda of eq. (2) and of `block`'s eq. (5), and their nodes move."""
     hoisted = hoist(ws, constants)
@@ -130,7 +130,7 @@ def project_lanes_general(ws, constants, law, kappa, hh):
         answer(ws, lane, ws, at, 2, k, move, (r[6], r[7], r[8], n0 * r2[3], n1 * r2[4], n2 * r2[5], n3 * r2[6]))
 
 
-@batch_kernel
+@rare_kernel
 def stress_lanes_general(ws, constants, law):
     """Rows WANTED of four blocks: P and T that their shapes ask for, eq. (1)."""
     hoisted = hoist(ws, constants)
@@ -152,7 +152,7 @@ def stress_lanes_general(ws, constants, law):
         write_row(ws, lane, WANTED, 2, stress_row(2, f, p, q, t, 0.0, 1.0, V))
 
 
-@batch_kernel
+@rare_kernel
 def energy_lanes_general(ws, constants, law):
     """Rows RATIO, ENERGY of four blocks: J and U, eq. (1)."""
     hoisted = hoist(ws, constants)
@@ -171,7 +171,7 @@ def energy_lanes_general(ws, constants, law):
         ws[lane + LANES * ENERGY] = ws[lane + LANES * VOLUME] * energy
 
 
-@batch_kernel
+@rare_kernel
 def cauchy_lanes_general(ws, constants, law):
     """The first six rows of WANTED: the Cauchy stress at the centres of four blocks, xx yy zz yz xz xy [Pa]."""
     hoisted = hoist(ws, constants)
@@ -194,7 +194,7 @@ def cauchy_lanes_general(ws, constants, law):
         ws[lane + LANES * (WANTED + 5)] = sigma[0, 1]
 
 
-@batch_kernel
+@rare_kernel
 def remember_lanes(ws, constants, law, volume):
     """What four blocks of these volumes (LANES,) remember once a step is solved, in their constants."""
     hoisted = hoist(ws, constants)

@@ -21,6 +21,8 @@ LINE = 8
 """numbers in a line of the cache"""
 
 batch_kernel = njit(cache=True, error_model="numpy", fastmath={"contract"})
+rare_kernel = njit(cache=True, error_model="numpy", fastmath={"contract"}, aside=())
+"""a batch_kernel that few scenes need, compiled when it is called"""
 lane_kernel = njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 """Decorate a loop over lanes, and what runs inside it. Of fastmath only that a product and a sum may be rounded once:
 nothing is assumed about NaN, nothing is reordered."""
