@@ -77,7 +77,7 @@ def test_the_first_gradient_says_that_it_compiles(
         sim.reset()
         monkeypatch.setattr(sys.stderr, "isatty", lambda: seen)
         asked.clear()
-        monkeypatch.setattr(warm_up, "compile_side_by_side", lambda models: None)
+        monkeypatch.setattr(warm_up.Beside, "begin", lambda self, models: set())
         sim.gradient(tool_force("left", [1.0, 0.0, 0.0]), ["young"], commands=squeeze(1))
     assert ("fem", "step_derivative") in asked
     assert ("derivatives of steps" in capsys.readouterr().err) == told
@@ -94,4 +94,6 @@ def test_nothing_is_compiled_ahead_where_nobody_would_find_it(
 
 
 def test_what_cannot_be_compiled_ahead_is_left_to_the_run() -> None:
-    warm_up.compile_side_by_side(["no such model"])
+    with warm_up.Beside() as beside:
+        assert beside.begin(["no such model"]) == set()
+        beside.wait(["no such model"])
