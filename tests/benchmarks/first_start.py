@@ -48,7 +48,7 @@ def _measure(options: argparse.Namespace) -> None:
 
         def on_end(self, event: Event) -> None:
             began, below = self.open.pop()
-            took, kernel = process_time() - began, event.data["dispatcher"]  # type: ignore[index]
+            took, kernel = process_time() - began, event.data["dispatcher"]
             if self.open:
                 self.open[-1][1] += took
             key = _kind(kernel), f"{kernel.py_func.__module__}.{kernel.py_func.__qualname__}"
@@ -57,7 +57,7 @@ def _measure(options: argparse.Namespace) -> None:
             self.all[key] += took
 
     kernels = Kernels()
-    with install_listener("numba:compile", kernels):  # type: ignore[no-untyped-call]
+    with install_listener("numba:compile", kernels):
         began = process_time()
         with softseam.open(options.scene, model=options.model) as session:
             session.reset()
