@@ -37,7 +37,6 @@ from softseam_protocol.messages.participant import (
     SnapshotTaken,
 )
 from softseam_protocol.models import FAR_DEFAULT, MODELS
-from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.kernel_cache import compiling
@@ -226,17 +225,18 @@ def load_kernels(model: str, like: Scene | None = None) -> None:
     """
     if model not in SOLVERS or not SOLVERS[model].kernels:
         return
-    scene = warm_scene(model)
-    scene = scene.model_copy(update={"regions": RegionsSpec.model_validate({"default": model})})
+    small = warm_scene(model)
+    small = small.model_copy(update={"regions": RegionsSpec.model_validate({"default": model})})
     loaded = [model]
-    if like is not None and isinstance(like.body, BodySpec):
-        loaded += [like.body.material.kind, like.models.model_dump_json()]
-        body = scene.body.model_copy(update={"material": like.body.material})
-        scene = scene.model_copy(update={"body": body, "models": like.models})
+    material = None if like is None else getattr(like.body, "material", None)
+    if like is not None and material is not None:
+        loaded += [material.kind, like.models.model_dump_json()]
+        body = small.body.model_copy(update={"material": material})
+        small = small.model_copy(update={"body": body, "models": like.models})
     if tuple(loaded) not in _loaded:
         _loaded.add(tuple(loaded))
         with contextlib.suppress(Exception):  # what a small body cannot have is loaded by the first step itself
-            _take_steps(scene, steps=1)
+            _take_steps(small, steps=1)
 
 
 _loaded: set[tuple[str, ...]] = set()
