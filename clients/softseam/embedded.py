@@ -259,8 +259,9 @@ def compiled(scene: Scene, build: Callable[[], Simulation]) -> Simulation:
 
 def _first_model(scene: OneBody) -> ModelKind:
     """The model of near cells where there are such, else that of all."""
-    default, near = candidates(scene)[0].regions.models
-    return near or default
+    _, near = candidates(scene)[0].regions.models
+    assert near is not None  # candidates name one
+    return near
 
 
 def compile_models(models: Iterable[ModelKind]) -> None:
