@@ -40,6 +40,7 @@ class ModelFacts:
     cuts_steps         it takes a step in parts where it cannot take it at once: its reply's `n_substeps` counts these,
                        and is 1 else
     forces_at_end      its contact forces act as a step ends, not over the step
+    piles              it takes several whole bodies as one part, a pile (`Configure.bodies`)
     gives_derivatives  its kernels differentiate steps, and solve for the adjoint of a goal
     """
 
@@ -55,6 +56,7 @@ class ModelFacts:
     one_side: bool = False
     cuts_steps: bool = False
     forces_at_end: bool = False
+    piles: bool = False
     gives_derivatives: bool = False
 
     @property
@@ -92,6 +94,7 @@ MODELS: Table[ModelFacts] = Table(
             takes=frozenset({"cells", "particles"}),
             reads=_keys("pbd: method classic substeps sweeps residual damping hourglass coarse"),
             errs_by="model",
+            piles=True,
         ),
     },
 )

@@ -84,9 +84,15 @@ class ParticipantServer(Participant):
         self._setups_of(bundle).update(setups)
 
     def _solver(self, request: Configure) -> tuple[Solver, Configured]:
-        setups, name = self._setups_of(request.bundle), request.body
-        setup = setups[name] = setups.get(name) or build_setup(request.bundle, name)
-        return build_solver(setup, request, self._built)
+        setups, names = self._setups_of(request.bundle), request.bodies or [request.body]
+        for name in names:
+            setups[name] = setups.get(name) or build_setup(request.bundle, name)
+        if not request.bodies:
+            return build_solver(setups[request.body], request, self._built)
+        row = SOLVERS[request.model] if request.model in SOLVERS else None
+        if row is None or row.build_pile is None:
+            raise ValueError(f"the model {request.model!r} takes one body a part: configure each by itself")
+        return row.build_pile([setups[name] for name in names], request)
 
     def _setups_of(self, bundle: Bundle) -> dict[str, Setup]:
         """What is built of a bundle, by body; those of the latest bundles are kept."""

@@ -1,6 +1,6 @@
 """What softseam's services know of a solver: how it builds a part, and what a step of one is expected to cost."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # which builds by these rows
     from softseam_services.server import Setup
 
 Build = Callable[["Setup", Configure, Built], tuple[Solver, Configured]]
+BuildPile = Callable[[Sequence["Setup"], Configure], tuple[Solver, Configured]]
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,7 @@ class SolverRow:
     adjoint            of a body, whose region it is given whole; None: it has none
     mesh_indicator     of a region; None: it measures no error of its mesh
     model_indicator    of a region of box cells; None: it measures no error of its model
+    build_pile         the solver of a pile of bodies, and its answer, where MODELS says that the model `piles`
     """
 
     build: Build
@@ -80,3 +82,4 @@ class SolverRow:
     adjoint: Callable[[Body, Region, ToolSet, ModelsSpec], Adjoint] | None = None
     mesh_indicator: Callable[[Body, Region, ModelsSpec], MeshIndicator] | None = None
     model_indicator: Callable[[Body, Region, ModelsSpec], ModelIndicator] | None = None
+    build_pile: BuildPile | None = None

@@ -32,6 +32,7 @@ from softseam_protocol.messages.message import message
 from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.outcomes import Detail, FailureKind, Status
 from softseam_protocol.messages.particles import ParticleReport
+from softseam_protocol.messages.pile import Begun, Members
 
 
 @message
@@ -102,6 +103,10 @@ class Configure:
     mesh: PartMesh | None = None
     """of the cells, in their order, or of a body of points; None: of particles that constraints join, or from an older
     orchestrator"""
+    bodies: list[NameText] = field(default_factory=list)
+    """of a pile: whole bodies of the scene that are to be one part, in place of `body` and `cells`"""
+    states: list[BodyState] = field(default_factory=list)
+    """and the state of each; empty: at rest"""
 
 
 @message
@@ -141,6 +146,8 @@ class Configured:
     """wall time spent [s]; diagnostics only"""
     capabilities: Capabilities | None = None
     """None: of a region without coupling nodes none are asked for"""
+    begun: Begun | None = None
+    """of a pile"""
 
 
 @message
@@ -186,6 +193,8 @@ class Advance:
     """of a body in several parts that turns: as the step begins, of all its nodes, mass, m x, m v, m x x v, and m x x
     as xx yy zz yz xz xy; then angular velocity about their centre [rad/s] and velocity [m/s] that every node is to be
     given before the step (22,); empty: nothing is"""
+    asleep: Labels = field(default_factory=no_labels)
+    """of a pile: 1 for bodies that stay as they are (b,); empty: none does"""
 
 
 @message
@@ -277,6 +286,8 @@ class Advanced:
     what steps lose of the body's rotation is not given back"""
     dissipated: float = 0.0
     """what a material with internal state dissipated in the step [J]; 0: nothing, or an older participant"""
+    members: Members | None = None
+    """of a pile: the same by body"""
 
 
 @message
@@ -336,6 +347,8 @@ class Fields:
     """wall time spent on an `Observe` [s], 0 within another reply; diagnostics only"""
     internal: Internal = field(default_factory=NO_INTERNAL)
     """the n numbers that the material remembers in each octant of each cell (n_cells, 8, n); empty where it has none"""
+    bodies: list[Fields] = field(default_factory=list)
+    """of a pile: those of each body, beside no others"""
 
 
 @message

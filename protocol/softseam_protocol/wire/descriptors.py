@@ -14,7 +14,7 @@ from typing import Any
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
-from softseam_protocol.messages import header, operations, participant, particles, recording, session
+from softseam_protocol.messages import header, operations, participant, particles, pile, recording, session
 from softseam_protocol.messages.arrays import Array, Least, Name
 from softseam_protocol.messages.header import SCHEMA_VERSION
 
@@ -119,7 +119,7 @@ def _fields(cls: type) -> tuple[Field, ...]:
 
 MESSAGES: dict[str, type] = {
     name: value
-    for module in (header, participant, particles, session, recording, operations)
+    for module in (header, pile, participant, particles, session, recording, operations)
     for name, value in vars(module).items()
     if isinstance(value, type) and dataclasses.is_dataclass(value) and value.__module__ == module.__name__
 }

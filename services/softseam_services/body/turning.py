@@ -13,10 +13,10 @@ from softseam_services.body.kernels.turning import (
     SECOND,
     add_field,
     add_up,
-    find_lost,
     find_rest,
     find_turn,
     flatten,
+    give_back,
     spin_and_inverse,
     torque_of,
     turning_rate,
@@ -34,7 +34,7 @@ class Turning:
     def __init__(self, mass: Floats, axis: int = -1) -> None:
         self.mass, self._axis = mass, axis
         self.start_sums, self.end_sums = np.zeros(N_SUMS), np.zeros(N_SUMS)
-        self._torque, self._lost = np.zeros(3), np.zeros(3)
+        self._torque = np.zeros(3)
         self._before, self._after = np.zeros((3, 3)), np.zeros((3, 3))
         self._dt, self._slowed = 0.0, 1.0
         self.velocity = np.zeros((len(mass), 3))
@@ -87,17 +87,8 @@ class Turning:
 
         start: x and v before; alone: nothing acted from outside, so that what the sweeps made of a spin goes, too
         """
-        began = self.begins(*start, dt)
-        rate = turning_rate(self.mass, x, v, self._axis, self.end_sums)
-        if not (began or (alone and rate * dt > LEAST_TURN)):
-            return False
-        self._torque[:] = 0.0
-        if not alone:
-            for sums in (self.start_sums, self.end_sums):
-                find_lost(sums, self._lost)
-                self._torque += 0.5 * dt * dt / n_substeps * self._lost
-        self._turn_on(self.start_sums if alone else self.end_sums, x, v)
-        return True
+        given: bool = give_back(self.mass, *start, x, v, self._axis, dt, n_substeps, alone)
+        return given
 
     def _see(self, x: Floats, v: Floats) -> None:
         add_up(self.mass, x, v, self.end_sums)

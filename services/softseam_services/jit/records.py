@@ -9,17 +9,20 @@ compiler may load a number once, before a loop. Arrays belong to the record; ker
 from __future__ import annotations
 
 import hashlib
+import operator
 import struct
+from collections.abc import Sequence
 from typing import Any, TypeVar, cast
 
 import numpy as np
 from llvmlite import ir
 from numba import typeof, types
 from numba.core import cgutils
-from numba.core.typing.templates import AttributeTemplate
+from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_global, signature
 from numba.extending import (
     NativeValue,
     infer_getattr,
+    lower_builtin,
     lower_getattr_generic,
     models,
     register_model,
@@ -62,6 +65,28 @@ class _Record:
     def _replace(self, **named: Any) -> Any:
         """Another record that differs in the fields named."""
         return type(self)(**{name: getattr(self, name) for name in self._declared._fields} | named)
+
+
+class Rows:
+    """Records of one type, which kernels take by one pointer: rows[i] is the record of that place there.
+
+    Raises TypeError where they are not of one type.
+    """
+
+    def __init__(self, records: Sequence[Any]) -> None:
+        self._records = tuple(records)
+        kinds = {record._numba_type_.name for record in self._records}
+        if len(kinds) != 1:
+            raise TypeError(f"rows hold records of one type, not of {len(kinds)}")
+        self._block = np.array([record._address for record in self._records], dtype=np.int64)
+        self._address: int = self._block.__array_interface__["data"][0]
+        self._numba_type_ = RowsType(self._records[0]._numba_type_)
+
+    def __getitem__(self, place: int) -> Any:
+        return self._records[place]
+
+    def __len__(self) -> int:
+        return len(self._records)
 
 
 def n_bytes(record: object) -> int:
@@ -116,9 +141,33 @@ class RecordType(types.Type):
         super().__init__(name=f"{title}.{digest}")
 
 
+class RowsType(types.Type):
+    """Numba's type of rows of records."""
+
+    def __init__(self, row: RecordType) -> None:
+        self.row = row
+        super().__init__(name=f"Rows.{row.name}")
+
+
 register_model(RecordType)(models.OpaqueModel)
+register_model(RowsType)(models.OpaqueModel)
 
 
+@infer_global(operator.getitem)
+class _RowOf(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        if len(args) == 2 and isinstance(args[0], RowsType) and isinstance(args[1], types.Integer):
+            return signature(args[0].row, args[0], types.intp)
+        return None
+
+
+@lower_builtin(operator.getitem, RowsType, types.intp)
+def _load_row(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    block = builder.bitcast(args[0], _WORD.as_pointer())
+    return builder.inttoptr(builder.load(builder.gep(block, [args[1]])), cgutils.voidptr_t)
+
+
+@unbox(RowsType)
 @unbox(RecordType)
 def _unbox(kind: Any, record: Any, c: Any) -> NativeValue:
     address = c.pyapi.object_getattr_string(record, "_address")

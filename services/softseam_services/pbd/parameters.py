@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from softseam_protocol.scene.models import PbdSpec
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.body.errors import SettingError
-from softseam_services.tools.edged import with_round_edges
+from softseam_services.tools.edged import PATCHES, with_round_edges
 from softseam_services.tools.tool_set import ToolSet
 
 from .block_parameters import BlockParameters, build_block_parameters, make_viscous, mean_lag
@@ -98,6 +98,11 @@ class PbdParameters:
         if self.explicit:
             return max(1, int(np.ceil(dt * self.frequency / EXPLICIT - 1e-9)))
         return max(1, int(np.ceil(dt * self.rate * shorter_by(self.rate, self.spec.damping.stiffness) - 1e-9)))
+
+    @cached_property
+    def slowly(self) -> float:
+        """Way of a tool in a step below which it goes by slowly: a patch inside a block's face [m]."""
+        return float(self.blocks.edges.min()) / PATCHES
 
     @cached_property
     def roundoff(self) -> float:

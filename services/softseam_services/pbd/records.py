@@ -15,6 +15,7 @@ from .kernels.lanes import LANES, aligned
 from .kernels.monitor import N_FIGURES
 from .kernels.pairs import N_ROWS, WIDTH
 from .kernels.summary import N_RESULTS
+from .state import PbdState
 
 
 @record
@@ -183,6 +184,34 @@ class Leap(NamedTuple):
     """forces of the blocks (n + 8, 4) [N]"""
     figures: Floats
     """of each batch, see `kernels.monitor` (b, N_FIGURES)"""
+
+
+@record
+class Member(NamedTuple):
+    """One body of a pile, which is a region of its own."""
+
+    model: ModelArrays
+    parameters: ParameterArrays
+    before: PbdState
+    """the last committed state"""
+    after: PbdState
+    """the tentative one"""
+    scratch: Scratch
+    outputs: Outputs
+    all: Ints
+    """from the first batch to the last (2,)"""
+    own_mass: Floats
+    """of nodes, see `PbdParameters` (n,) [kg]"""
+    substeps: int
+    """that are planned"""
+    sweeps: int
+    """of the scene, in each"""
+    slowly: float
+    """see `PbdParameters` [m]"""
+    roundoff: float
+    """[J]"""
+    turns: bool
+    """whether it gets back what substeps lose of a rotation"""
 
 
 def new_inputs(t: int, m: int) -> Inputs:

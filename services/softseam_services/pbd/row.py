@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,6 +38,19 @@ def build(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Confi
     return solver, Configured(request.header, *size, solver.substeps, solver.strain, *moving, 0.0, solver.capabilities)
 
 
+def build_pile(setups: Sequence[Setup], request: Configure) -> tuple[Solver, Configured]:
+    """A pile of bodies in cells."""
+    from softseam_services.pbd.pile import PileSolver
+
+    solver = PileSolver(setups, request.states)
+    n_nodes = sum(piece.model.n_nodes for piece in solver.pieces)
+    n_cells = sum(piece.body.n_cells for piece in solver.pieces)
+    begun = solver.begun
+    sums = float(begun.strain.sum()), float(begun.kinetic.sum()), float(begun.gravity.sum())
+    sizes = n_nodes, n_cells, solver.substeps
+    return solver, Configured(request.header, *sizes, *sums, 0.0, solver.capabilities, begun)
+
+
 def _build_particles(setup: Setup, body: ParticleBody, request: Configure) -> tuple[Solver, Configured]:
     """A sheet or rope is one region, whole."""
     from softseam_services.pbd.particles.model import STRUCTURES, lay_out
@@ -69,4 +83,5 @@ ROW = SolverRow(
     kernels="softseam_services.pbd.kernels",
     coarse_cells=coarse_cells,
     model_indicator=model_indicator,
+    build_pile=build_pile,
 )

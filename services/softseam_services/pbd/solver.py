@@ -8,7 +8,6 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
-from softseam_services.body.internal import internal_of
 from softseam_services.body.kernels.bounds import bound_points
 from softseam_services.body.turning import sums_of
 from softseam_services.request_check import problem_of, problem_of_correction
@@ -17,14 +16,11 @@ from softseam_services.tools.tool_set import ToolSet
 from . import watch
 from .compliance import SeamProbe, Ways, no_ways
 from .field_reader import FieldReader
-from .internal import to_blocks
 from .kernels import summary as k
 from .kernels.linear_correction import correct_linearly
-from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_energy
-from .levels import thin_out
 from .model import PbdModel, build_model
 from .parameters import build_parameters
-from .points import hand_on
+from .start import start_state
 from .state import decode_state, encode_state, new_state
 from .step import NO_FORCES, NO_TURN, StepInputs, StepResult, StepScratch, leap_ahead, stay, step
 
@@ -57,7 +53,7 @@ class PbdSolver:
         self._probed = np.zeros(0)  # the state that was probed, see `_compliance`; empty: none
         self._ways = no_ways()  # what came of it, see `SeamProbe.compliance`; empty: not found yet
         self._to_plan = False  # whether the tentative step was taken in one attempt
-        self._start(state)
+        start_state(model, parameters, body, region, state, self._scratch, self._committed)
         if parameters.explicit:
             self._load_kernel()
 
@@ -66,46 +62,6 @@ class PbdSolver:
         np.copyto(self._scratch.next.buffer, self._committed.buffer)
         leap_ahead(self.model, self.parameters, 1e-9, 1, self._scratch)
         self._scratch.outputs.result[:] = 0.0
-
-    def _start(self, handed: BodyState | None) -> None:
-        """Fill the committed state so that a body at rest in equilibrium stays exactly where it is."""
-        model, parameters, state, region = self.model, self.parameters, self._committed, self._region
-        ws, xw, figures = self._scratch.ws, self._scratch.arrays.xw, self._scratch.arrays.figures
-        if handed is None:
-            state.x[:] = parameters.x_rest
-            state.v[:] = self._body.v_initial[region.nodes]
-        else:
-            state.x[:] = handed.x[region.nodes]
-            state.v[:] = handed.v[region.nodes]
-            tool = handed.contact_tool[region.points]
-            touching = np.flatnonzero((tool >= 0) & (tool < model.n_tools))
-            state.force[touching, tool[touching]] = handed.contact_force[region.points[touching]]
-            hand_on(state.force, model.touches, model.n_surface, (model.indptr, model.node, parameters.weight))
-            state.force_mean[:] = state.force
-        state.v[region.fixed] = 0.0
-        if handed is not None:
-            thin_out(model.levels, region, parameters.mass, state.x, state.v)
-        model.levels.follow(state.x, state.v)
-        blocks, numbers = model.blocks, parameters.blocks
-        to_blocks(blocks, model.levels.coarse, internal_of(self._body, handed, region.cells), state.memory)
-        numbers.hold(state.memory)
-        n = model.n_nodes
-        xw[:n, :3] = state.x
-        exact_stress(ws, xw, blocks.nodes, numbers.volume, state.stress, numbers.constants, numbers.law)
-        force = np.zeros((n + 8, 4))
-        block_forces(ws, blocks.nodes, state.stress, numbers.constants, force, 0, blocks.n_batches)
-        rows = np.repeat(np.arange(model.n_points), np.diff(model.indptr))
-        np.add.at(force[:, :3], model.node, parameters.weight[:, None] * state.force.sum(axis=1)[rows])
-        state.a[:] = parameters.inverse_mass[:, None] * force[:n, :3]
-        batch_energies(
-            *(ws, xw, blocks.nodes, numbers.volume, numbers.constants, numbers.law, 0, blocks.n_batches),
-            figures,
-        )
-        strain, least_j = strain_energy(figures)
-        kinetic = 0.5 * float(parameters.mass @ np.einsum("nc,nc->n", state.v, state.v))
-        gravity = -float(parameters.mass @ ((state.x - parameters.x_rest) @ parameters.gravity))
-        stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(parameters.x_rest, axis=0).max())
-        state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch, 0.0, 0.0
 
     @property
     def strain(self) -> float:

@@ -9,7 +9,7 @@ from softseam_services.jit import record
 
 from .kernels.block import N_STRESS
 from .kernels.lanes import LANES
-from .watch import N_MONITOR
+from .kernels.trust import N_MONITOR
 
 
 @record
@@ -44,12 +44,22 @@ class PbdState(NamedTuple):
     """what the last step left for the monitor, see `watch` (N_MONITOR,)"""
 
 
-def new_state(n: int, b: int, p: int, t: int, r: int = 0) -> PbdState:
-    """A zero state for n nodes, b batches, p points and t tools, of blocks that remember r numbers."""
+def _shapes(n: int, b: int, p: int, t: int, r: int) -> tuple[tuple[int, ...], ...]:
     of_points = (p, t, 3), (p, t, 3), (p, t, 2), (p, t, 2), (p, t, 3)
-    shapes = ((n, 3), (n, 3), (n, 3), (b, N_STRESS), *of_points, (b, r, LANES), (N_MONITOR,))
+    return ((n, 3), (n, 3), (n, 3), (b, N_STRESS), *of_points, (b, r, LANES), (N_MONITOR,))
+
+
+def size_of(n: int, b: int, p: int, t: int, r: int = 0) -> int:
+    """Numbers of such a state."""
+    return sum(int(np.prod(shape)) for shape in _shapes(n, b, p, t, r))
+
+
+def new_state(n: int, b: int, p: int, t: int, r: int = 0, buffer: Floats | None = None) -> PbdState:
+    """A state for n nodes, b batches, p points and t tools, of blocks that remember r numbers: zero, or in a buffer of
+    `size_of` numbers."""
+    shapes = _shapes(n, b, p, t, r)
     sizes = [int(np.prod(shape)) for shape in shapes]
-    buffer = np.zeros(sum(sizes))
+    buffer = np.zeros(sum(sizes)) if buffer is None else buffer
     ends = np.cumsum(sizes)
     views = [buffer[end - size : end].reshape(shape) for end, size, shape in zip(ends, sizes, shapes, strict=True)]
     return PbdState(buffer, *views)

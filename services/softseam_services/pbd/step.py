@@ -3,17 +3,16 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.body import Floats
 from softseam_services.body.turning import Turning, with_change
-from softseam_services.tools.edged import PATCHES
 from softseam_services.totals import Totals
 
 from . import watch
 from .kernels import summary as k
+from .kernels.begin import find_slow, give_shape
 from .kernels.block import new_workspace
 from .kernels.leapfrog import advance_leapfrog
 from .kernels.pairs import place_points
@@ -22,14 +21,12 @@ from .kernels.split import split_forces
 from .kernels.substep import advance_step
 from .model import PbdModel
 from .parameters import PbdParameters
-from .records import Leap, Scratch, new_inputs, new_leap, new_outputs, new_scratch, new_used
+from .records import Inputs, Leap, Outputs, Scratch, new_inputs, new_leap, new_outputs, new_scratch, new_used
 from .state import PbdState, new_state
 from .two_threads import TwoThreads
 
 TOUCH = 1e-3
 """gap below which a handed-over point touches a tool, in block edges"""
-COLLAPSE_STEP = 1e-4
-"""size, relative to rest, that a body without shape is given again"""
 NO_FORCES, NO_TURN = np.zeros((0, 3)), np.zeros(0)
 
 
@@ -90,6 +87,12 @@ class StepScratch:
         self.arrays, self.leap = _room(model, parameters, self.planned)
         self.turning = _free_to_turn(model, parameters)
 
+    def write_to(self, result: Floats, wrench: Floats, xw: Floats) -> None:
+        """Have steps leave their figures (N_RESULTS,), wrenches (t, 6) and positions (n + 8, 4) in these arrays."""
+        self.outputs = Outputs(wrench, self.outputs.distance, result)
+        xw[:] = self.arrays.xw
+        self.arrays = self.arrays._replace(xw=xw)
+
     def fit(self, model: PbdModel, parameters: PbdParameters, dt: float) -> None:
         """Make ready for steps of dt [s] with these parameters."""
         if parameters is not self.parameters or dt != self.dt:
@@ -145,7 +148,7 @@ def step(
         lagging = number == 0 and watch.grows(result, state.monitor)
         if fault is watch.Fault.NONE and not lagging:
             break
-        cause = fault.value.split(":")[0] if fault is not watch.Fault.NONE else "the residual grows"
+        cause = fault.value.split(":")[0] if fault is not watch.Fault.NONE else watch.GROWS
     if fault is watch.Fault.DIVERGED:
         return work, stay(parameters, state, scratch)._replace(
             fault=fault, n_substeps=n_substeps, sweeps=sweeps, notice=notice
@@ -205,7 +208,7 @@ def attempt(
     work = scratch.next
     np.copyto(work.buffer, state.buffer)
     if work.monitor[watch.STRETCH] < watch.COLLAPSED:
-        work.x[:] += COLLAPSE_STEP * (parameters.x_rest - parameters.x_rest.mean(axis=0))
+        give_shape(work.x, parameters.x_rest)
     if len(inputs.turn):
         work.v[:] = with_change(inputs.turn, state.x, state.v)
     n_substeps = scratch.planned * 2 ** (number + int(work.monitor[watch.HALVINGS]))
@@ -223,7 +226,10 @@ def attempt(
     arrays = model.arrays, parameters.arrays
     scratch.arrays.used[:] = 0
     _tell(model, inputs, n_substeps, scratch)
-    scratch.arrays.contacts.slow[:] = _slow(parameters, work, inputs.tools, dt)
+    find_slow(
+        *(parameters.own_mass, work.v, inputs.tools.position, inputs.tools.position_next),
+        *(dt, parameters.slowly, scratch.arrays.contacts.slow),
+    )
     find_patches(*arrays, work.x, scratch.arrays.contacts.patch)
     parameters.blocks.hold(work.memory, dt)
     scratch.pair.run(
@@ -238,24 +244,20 @@ def attempt(
         and turning is not None
         and turning.end_of_substeps((state.x, state.v), work.x, work.v, dt, n_substeps, alone)
     ):
-        result[k.KINETIC] = turning.kinetic(work.v)
-        result[k.ANGULAR : k.ANGULAR + 3] = turning.angular(work.x, work.v)
+        k.summarise_motion(parameters.arrays, work.x, work.v, result)
     return n_substeps, n_sweeps
 
 
-def _slow(parameters: PbdParameters, state: PbdState, tools: ToolMotion, dt: float) -> NDArray[np.bool_]:
-    """Whether tools go by less than a patch inside a block's face in a step, as the body sees them (t,)."""
-    mass = parameters.own_mass
-    body = dt * (mass @ state.v) / mass.sum()
-    way = np.linalg.norm(tools.position_next - tools.position - body, axis=1)
-    return np.asarray(way < parameters.blocks.edges.min() / PATCHES)
+def place_tools(told: Inputs, tools: ToolMotion) -> None:
+    """Poses to where kernels find them."""
+    told.position[:], told.orientation[:] = tools.position, tools.orientation
+    told.position_next[:], told.orientation_next[:] = tools.position_next, tools.orientation_next
 
 
 def _tell(model: PbdModel, inputs: StepInputs, n_substeps: int, scratch: StepScratch) -> None:
     """Poses and forces to where kernels find them."""
-    given, tools = scratch.inputs, inputs.tools
-    given.position[:], given.orientation[:] = tools.position, tools.orientation
-    given.position_next[:], given.orientation_next[:] = tools.position_next, tools.orientation_next
+    given = scratch.inputs
+    place_tools(given, inputs.tools)
     force = model.seam_force(inputs.seam_force)
     given.seam_force[:], given.seam_growth[:] = force, 0.0
     if len(inputs.seam_force_start):

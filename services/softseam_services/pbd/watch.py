@@ -1,39 +1,65 @@
 """Whether a step can be believed, and what is done at once where it cannot: the monitor of the PBD participant."""
 
-import math
 from enum import Enum
 
 from softseam_protocol.messages.outcomes import Detail, Status
 from softseam_services.body.body import Floats
 
 from .kernels import summary as k
+from .kernels.trust import (
+    COLD,
+    COLLAPSED,
+    CREATED,
+    CRUSHED,
+    GRAVITY,
+    HALVINGS,
+    KINETIC,
+    LAGGING,
+    LEAST_J,
+    N_MONITOR,
+    RESIDUAL,
+    RETRIES,
+    SHORTEST,
+    STRAIN,
+    STRETCH,
+    STRETCHED,
+    UNSHARED,
+    fault_of,
+    grows,
+    needs_two_sweeps,
+    remember,
+)
 
-RETRIES = 3
-"""how often a failed step is tried again, each time with twice the substeps and one more sweep"""
-COLD = 2
-"""attempt from which on carried forces start from zero, because those of a torn shape throw the nodes apart"""
-RISE = 0.5
-"""largest rise of the energy in a step beyond the work done on it, relative to energy plus work; impacts reach 0.1"""
-CRUSHED, STRETCHED, LAGGING = 0.3, 3.0, 0.6
-"""a volume ratio below, a stretch or a residual above these takes two sweeps in the next step: one is not always enough
-to turn a block right side out"""
-GROWTH = 1.5
-"""a residual above LAGGING that grew by more than this in a step has the step repeated once"""
-COLLAPSED = 1e-4
-"""largest stretch below which a body has no shape left, and none of its forces a direction"""
+__all__ = [
+    "COLD",
+    "COLLAPSED",
+    "CREATED",
+    "CRUSHED",
+    "FAULTS",
+    "GRAVITY",
+    "HALVINGS",
+    "KINETIC",
+    "LAGGING",
+    "LEAST_J",
+    "N_MONITOR",
+    "RESIDUAL",
+    "RETRIES",
+    "SHORTEST",
+    "STRAIN",
+    "STRETCH",
+    "STRETCHED",
+    "UNSHARED",
+    "Fault",
+    "alarm",
+    "check",
+    "grows",
+    "needs_two_sweeps",
+    "remember",
+    "settle",
+]
 
-GAIN = 0.02
-"""energy from nowhere, added up while tools touch and relative to what is there, that takes shorter substeps"""
-SHORTEST = 2
-"""how often substeps are halved for it"""
+GROWS = "the residual grows"
 GAINS = "gains energy where tools touch: shorter substeps while they do"
-LITTLE = 1e4
-"""energy that counts as there at least, times the roundoff: that of 1 % shear"""
-
-LEAST_J, KINETIC, STRAIN, GRAVITY, UNSHARED, RESIDUAL, STRETCH, CREATED, HALVINGS = range(9)
-N_MONITOR = 9
-"""what a state remembers of its last step: least volume ratio, energies [J], 1 where contact forces wait to be shared
-out among tools, residual, largest stretch, energy from nowhere since it was last least [J], halvings of the substep"""
 
 
 class Fault(Enum):
@@ -62,21 +88,8 @@ _STATUS = {
 }
 
 
-def remember(monitor: Floats, result: Floats, floor: float) -> bool:
-    """monitor (N_MONITOR,) <- the figures of a step; what waits to be shared out stays. floor [J] is roundoff.
-
-    A body that gains energy while tools touch it takes half the substep until none does; returns whether that begins
-    or is halved once more.
-    """
-    created = max(0.0, monitor[CREATED] + _rise(result, monitor) - result[k.PUSHED])
-    touched = result[k.N_CONTACTS] > 0
-    there = max(result[k.KINETIC] + result[k.STRAIN], LITTLE * floor)
-    halves = bool(touched and created > GAIN * there and monitor[HALVINGS] < SHORTEST)
-    monitor[HALVINGS] = monitor[HALVINGS] + halves if touched else 0.0
-    monitor[CREATED] = created if touched and not halves else 0.0
-    monitor[LEAST_J], monitor[RESIDUAL], monitor[STRETCH] = result[k.LEAST_J], result[k.RESIDUAL], result[k.STRETCH]
-    monitor[KINETIC], monitor[STRAIN], monitor[GRAVITY] = result[k.KINETIC], result[k.STRAIN], result[k.GRAVITY]
-    return halves
+FAULTS = (Fault.NONE, Fault.DIVERGED, Fault.HASTE, Fault.ENERGY)
+"""by the numbers of `kernels.trust`"""
 
 
 def settle(monitor: Floats, result: Floats) -> None:
@@ -84,35 +97,9 @@ def settle(monitor: Floats, result: Floats) -> None:
     monitor[KINETIC], monitor[STRAIN], monitor[GRAVITY] = result[k.KINETIC], result[k.STRAIN], result[k.GRAVITY]
 
 
-def _rise(result: Floats, monitor: Floats) -> float:
-    """By how much the energy rose beyond the work that was done on the body [J]."""
-    now, before = result.tolist(), monitor.tolist()
-    rise = now[k.KINETIC] + now[k.STRAIN] + now[k.GRAVITY] - before[KINETIC] - before[STRAIN] - before[GRAVITY]
-    return float(rise - now[k.TOOL_WORK] - now[k.SEAM_WORK] - now[k.APPARENT])
-
-
-def needs_two_sweeps(monitor: Floats) -> bool:
-    """Whether the step after this one must solve more than once a substep."""
-    least_j, stretch, residual = monitor[LEAST_J], monitor[STRETCH], monitor[RESIDUAL]
-    return bool(least_j < CRUSHED or stretch > STRETCHED or residual > LAGGING)
-
-
 def check(result: Floats, monitor: Floats, floor: float) -> Fault:
     """Whether a step with this result (N_RESULTS,) can follow one that left `monitor`; floor [J] is roundoff."""
-    now = result.tolist()
-    if not math.isfinite(sum(now)):
-        return Fault.DIVERGED
-    kinetic, strain = float(monitor[KINETIC]), float(monitor[STRAIN])
-    tools, seam = now[k.TOOL_WORK], now[k.SEAM_WORK]
-    scale = kinetic + strain + abs(tools) + abs(seam) + now[k.PUSHED] + floor
-    if now[k.HASTE] > now[k.STRAIN] + floor:
-        return Fault.HASTE
-    return Fault.ENERGY if _rise(result, monitor) > RISE * scale else Fault.NONE
-
-
-def grows(result: Floats, monitor: Floats) -> bool:
-    """Whether the residual of a step that may be believed grew so much that it is worth repeating."""
-    return bool(result[k.RESIDUAL] > max(LAGGING, GROWTH * monitor[RESIDUAL]))
+    return FAULTS[fault_of(result, monitor, floor)]
 
 
 def alarm(

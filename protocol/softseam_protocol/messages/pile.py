@@ -1,0 +1,68 @@
+"""Of a pile, several whole bodies that one participant holds as one part: what a step did to each of them."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages.arrays import Array, Count, Ids, Scalars, Vectors
+from softseam_protocol.messages.message import message
+from softseam_protocol.messages.outcomes import Detail, Status
+
+BodyWrenches = Annotated[NDArray[np.float64], Array("f8", None, None, 6)]
+
+
+@message
+class Note:
+    """What is to be said of one body's step."""
+
+    body: Count
+    """its place among those that took the step"""
+    status: Status
+    why: str = ""
+    """as of `Advanced`"""
+    alarm: str = ""
+    alarm_details: list[Detail] = field(default_factory=list)
+
+
+@message
+class Members:
+    """What a step did to the b bodies of a pile that took it, in the order of `Configure.bodies`; as of `Advanced`."""
+
+    kinetic: Scalars
+    """(b,) [J]"""
+    strain: Scalars
+    gravity: Scalars
+    tool_work: Scalars
+    dissipated: Scalars
+    momentum: Vectors
+    """(b, 3) [kg m/s]"""
+    angular_momentum: Vectors
+    """(b, 3) [kg m^2/s]"""
+    penetration: Scalars
+    slip: Scalars
+    residual: Scalars
+    n_contacts: Ids
+    """(b,)"""
+    iterations: Ids
+    n_substeps: Ids
+    wrench: BodyWrenches
+    """of each on each of the t tools (b, t, 6) [N, N m]"""
+    low: Vectors
+    """least corner of the box around each (b, 3) [m]"""
+    high: Vectors
+    notes: list[Note] = field(default_factory=list)
+    """of those of whose step there is something to say"""
+
+
+@message
+class Begun:
+    """The energies that the bodies of a pile begin with, in the order of `Configure.bodies`."""
+
+    kinetic: Scalars
+    """(b,) [J]"""
+    strain: Scalars
+    gravity: Scalars

@@ -1,0 +1,89 @@
+"""Whether a step can be believed: what the monitor of a PBD region computes, see `pbd.watch` for its words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from softseam_services.jit import njit
+
+from . import summary as k
+
+RETRIES = 3
+"""how often a failed step is tried again, each time with twice the substeps and one more sweep"""
+COLD = 2
+"""attempt from which on carried forces start from zero, because those of a torn shape throw the nodes apart"""
+COLLAPSED = 1e-4
+"""largest stretch below which a body has no shape left, and none of its forces a direction"""
+RISE = 0.5
+"""largest rise of the energy in a step beyond the work done on it, relative to energy plus work; impacts reach 0.1"""
+CRUSHED, STRETCHED, LAGGING = 0.3, 3.0, 0.6
+"""a volume ratio below, a stretch or a residual above these takes two sweeps in the next step: one is not always enough
+to turn a block right side out"""
+GROWTH = 1.5
+"""a residual above LAGGING that grew by more than this in a step has the step repeated once"""
+GAIN = 0.02
+"""energy from nowhere, added up while tools touch and relative to what is there, that takes shorter substeps"""
+SHORTEST = 2
+"""how often substeps are halved for it"""
+LITTLE = 1e4
+"""energy that counts as there at least, times the roundoff: that of 1 % shear"""
+
+LEAST_J, KINETIC, STRAIN, GRAVITY, UNSHARED, RESIDUAL, STRETCH, CREATED, HALVINGS = range(9)
+N_MONITOR = 9
+"""what a state remembers of its last step: least volume ratio, energies [J], 1 where contact forces wait to be shared
+out among tools, residual, largest stretch, energy from nowhere since it was last least [J], halvings of the substep"""
+NONE, DIVERGED, HASTE, ENERGY = range(4)
+"""what may be wrong with a step, see `pbd.watch.Fault`"""
+
+
+@njit(cache=True, error_model="numpy")
+def rise(result, monitor):
+    """By how much the energy rose beyond the work that was done on the body [J]."""
+    grown = result[k.KINETIC] + result[k.STRAIN] + result[k.GRAVITY]
+    grown = grown - monitor[KINETIC] - monitor[STRAIN] - monitor[GRAVITY]
+    return grown - result[k.TOOL_WORK] - result[k.SEAM_WORK] - result[k.APPARENT]
+
+
+@njit(cache=True, error_model="numpy")
+def fault_of(result, monitor, floor):
+    """What is wrong with a step of this result (N_RESULTS,) after one that left `monitor`; floor [J] is roundoff."""
+    total = 0.0
+    for each in result:
+        total += each
+    if not np.isfinite(total):
+        return DIVERGED
+    tools, seam = result[k.TOOL_WORK], result[k.SEAM_WORK]
+    scale = monitor[KINETIC] + monitor[STRAIN] + abs(tools) + abs(seam) + result[k.PUSHED] + floor
+    if result[k.HASTE] > result[k.STRAIN] + floor:
+        return HASTE
+    return ENERGY if rise(result, monitor) > RISE * scale else NONE
+
+
+@njit(cache=True, error_model="numpy")
+def remember(monitor, result, floor):
+    """monitor (N_MONITOR,) <- the figures of a step; what waits to be shared out stays. floor [J] is roundoff.
+
+    A body that gains energy while tools touch it takes half the substep until none does; returns whether that begins
+    or is halved once more.
+    """
+    created = max(0.0, monitor[CREATED] + rise(result, monitor) - result[k.PUSHED])
+    touched = result[k.N_CONTACTS] > 0.0
+    there = max(result[k.KINETIC] + result[k.STRAIN], LITTLE * floor)
+    halves = touched and created > GAIN * there and monitor[HALVINGS] < SHORTEST
+    monitor[HALVINGS] = monitor[HALVINGS] + (1.0 if halves else 0.0) if touched else 0.0
+    monitor[CREATED] = created if touched and not halves else 0.0
+    monitor[LEAST_J], monitor[RESIDUAL], monitor[STRETCH] = result[k.LEAST_J], result[k.RESIDUAL], result[k.STRETCH]
+    monitor[KINETIC], monitor[STRAIN], monitor[GRAVITY] = result[k.KINETIC], result[k.STRAIN], result[k.GRAVITY]
+    return halves
+
+
+@njit(cache=True, error_model="numpy")
+def needs_two_sweeps(monitor):
+    """Whether the step after this one must solve more than once a substep."""
+    return monitor[LEAST_J] < CRUSHED or monitor[STRETCH] > STRETCHED or monitor[RESIDUAL] > LAGGING
+
+
+@njit(cache=True, error_model="numpy")
+def grows(result, monitor):
+    """Whether the residual of a step that may be believed grew so much that it is worth repeating."""
+    return result[k.RESIDUAL] > max(LAGGING, GROWTH * monitor[RESIDUAL])

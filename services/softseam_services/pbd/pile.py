@@ -1,0 +1,252 @@
+"""A pile: whole bodies that one solver holds in one set of arrays. One kernel advances them, each as if it were alone.
+
+The states of all lie in one buffer, body after body, and so do their scratch positions, sums and wrenches. Contact
+between the bodies is to come: in `kernels.pile`, beside the contacts with tools.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.outcomes import Detail
+from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
+from softseam_protocol.messages.pile import Begun
+from softseam_services.body.body import Floats
+from softseam_services.body.kernels.bounds import bound_points
+from softseam_services.request_check import problem_of
+
+from . import watch
+from .kernels import pile as of_pile
+from .kernels import summary as k
+from .kernels.block import new_workspace
+from .kernels.thread_team import new_team
+from .pile_pieces import Piece, Pieces
+from .pile_reply import Said, Stepped, reply_of
+from .records import new_inputs
+from .start import start_state
+from .state import PbdState, decode_state, encode_state
+from .step import NO_FORCES, StepInputs, place_tools, share_out, stay, step
+
+if TYPE_CHECKING:  # which builds by the row that names this file
+    from softseam_services.server import Setup
+
+Integers = NDArray[np.int64]
+
+_LENGTH = 8
+"""bytes that tell how long a body's state is in a snapshot"""
+
+
+class PileSolver:
+    """Whole bodies with the same tools, each a region. Implements `Solver`."""
+
+    def __init__(self, setups: Sequence[Setup], states: Sequence[BodyState]) -> None:
+        """states: of each; empty: all at rest"""
+        self._dt = setups[0].scene.step
+        self._all = Pieces(setups)
+        self.pieces = self._all.each
+        """in the order of the bodies"""
+        self._n_tools = self.pieces[0].model.n_tools
+        self._now = 0  # which of each piece's states is committed
+        self._tentative = False
+        b = len(self.pieces)
+        self._inputs, self._team, self._ws = new_inputs(self._n_tools, 0), new_team(alone=True), new_workspace()
+        self._notes = np.zeros((b, of_pile.N_NOTES), dtype=np.int64)
+        self._same = np.zeros(b, dtype=np.bool_)  # both states are the same: those that were asleep
+        for number, piece in enumerate(self.pieces):
+            handed = states[number] if states else None
+            start_state(piece.model, piece.parameters, piece.body, piece.region, handed, piece.scratch, piece.states[0])
+        self._make_rows()
+        self._see_unshared()
+
+    def _make_rows(self) -> None:
+        """What the kernel takes: by which of the states is committed."""
+        self._rows = self._all.rows()
+        self._apart = np.array([piece.apart for piece in self.pieces])
+        self.substeps = max(piece.scratch.planned for piece in self.pieces)
+        """of a step, of the body that takes most"""
+
+    def _see_unshared(self) -> None:
+        """Which bodies have contact forces of a state that was handed over, see `step.share_out`."""
+        self._unshared = set(np.flatnonzero(self._monitors[:, watch.UNSHARED] != 0.0).tolist())
+
+    def _committed(self, piece: Piece) -> PbdState:
+        return piece.states[self._now]
+
+    @property
+    def begun(self) -> Begun:
+        """Energies of the bodies as they are committed."""
+        rows = np.ascontiguousarray(self._monitors[:, [watch.KINETIC, watch.STRAIN, watch.GRAVITY]].T)
+        return Begun(*rows)
+
+    @property
+    def strain(self) -> float:
+        """Strain energy of all, as they are committed [J]."""
+        return float(self.begun.strain.sum())
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What it can do: nothing acts on its bodies but tools."""
+        return Capabilities(False, False, False, self.substeps, True, True, 0.0)
+
+    # ---- a step
+
+    def advance(self, request: Advance) -> Advanced:
+        began = time.perf_counter()
+        asleep = request.asleep.astype(np.bool_) if len(request.asleep) else np.zeros(len(self.pieces), np.bool_)
+        refused = problem_of(request, self._n_tools, 0)
+        if len(asleep) != len(self.pieces):
+            refused = f"the pile has {len(self.pieces)} bodies: asleep tells of {len(asleep)}"
+        if refused:
+            raise ValueError(refused)
+        self._fit(request.dt)
+        self._let_lie(asleep)
+        awake = np.flatnonzero(~asleep)
+        self._share_out(awake, request)
+        place_tools(self._inputs, request.tools)
+        kernels, apart = awake[~self._apart[awake]], awake[self._apart[awake]]
+        of_pile.advance_bodies(
+            self._rows[self._now], kernels, self._inputs, request.dt, self._team, self._ws, self._notes
+        )
+        dissipated = np.zeros(len(self.pieces))
+        notes = {int(number): self._step_apart(int(number), request, dissipated) for number in apart}
+        notes |= self._notes_of(kernels)
+        for piece in self.pieces:
+            if piece.body.cut:
+                self._bound(piece)
+        self._tentative = True
+        stepped = Stepped(
+            *(self._all.results, self._all.wrenches, self._notes[:, of_pile.SWEPT], self._notes[:, of_pile.SUBSTEPS]),
+            dissipated,
+        )
+        reply = reply_of(request.header, awake, stepped, notes, time.perf_counter() - began)
+        return replace(reply, fields=self.fields(request.header)) if request.fields else reply
+
+    def _fit(self, dt: float) -> None:
+        """Make ready for steps of dt [s]."""
+        if dt != self._dt:
+            self._dt = dt
+            for piece in self.pieces:
+                piece.scratch.fit(piece.model, piece.parameters, dt)
+            self._make_rows()
+
+    def _let_lie(self, asleep: NDArray[np.bool_]) -> None:
+        """Bodies that sleep are in the tentative state what they are in the committed one."""
+        for number in np.flatnonzero(asleep & ~self._same):
+            states = self.pieces[number].states
+            np.copyto(states[1 - self._now].buffer, states[self._now].buffer)
+        self._same[:] = asleep
+
+    def _share_out(self, awake: Integers, request: Advance) -> None:
+        for number in sorted(self._unshared.intersection(awake.tolist())):
+            piece = self.pieces[number]
+            share_out(piece.model, piece.parameters, self._committed(piece), request.tools, piece.scratch)
+            self._unshared.discard(number)
+
+    def _step_apart(self, number: int, request: Advance, dissipated: Floats) -> Said:
+        """A step of one body that the pile's kernel does not take."""
+        piece, notes = self.pieces[number], self._notes[number]
+        piece.scratch.next = piece.states[1 - self._now]
+        inputs = StepInputs(request.tools, NO_FORCES)
+        _, taken = step(piece.model, piece.parameters, self._committed(piece), inputs, request.dt, piece.scratch)
+        notes[of_pile.SUBSTEPS], notes[of_pile.SWEPT] = taken.n_substeps, taken.sweeps
+        dissipated[number] = taken.dissipated
+        return taken.fault, dict(taken.notice)
+
+    def _notes_of(self, awake: Integers) -> dict[int, Said]:
+        """What there is to say of the bodies that the kernel advanced; a step that diverged is taken back here."""
+        notes, found = self._notes, {}
+        monitors = self._monitors
+        odd = (notes[:, of_pile.ATTEMPT] > 0) | (notes[:, of_pile.FAULT] > 0) | (notes[:, of_pile.HALVED] > 0)
+        odd |= (notes[:, of_pile.UNFINISHED] > 0) | (self._all.results[:, k.RESIDUAL] > watch.LAGGING)
+        odd |= monitors[:, watch.LEAST_J] < watch.CRUSHED
+        odd |= (monitors[:, watch.STRETCH] > watch.STRETCHED) | (monitors[:, watch.RESIDUAL] > watch.LAGGING)
+        for number in awake[odd[awake]].tolist():
+            piece, note = self.pieces[number], notes[number].tolist()
+            fault, before = watch.FAULTS[note[of_pile.FAULT]], self._committed(piece)
+            cause = note[of_pile.CAUSE]
+            why = watch.GROWS if cause == of_pile.LAGGED else watch.FAULTS[cause].value.split(":")[0]
+            counts = note[of_pile.ATTEMPT], note[of_pile.SUBSTEPS], note[of_pile.SWEEPS], note[of_pile.UNFINISHED]
+            told = watch.alarm(why, self._all.results[number], before.monitor, *counts)
+            if note[of_pile.HALVED]:
+                told[Detail.SHORTER] = watch.GAINS
+            if fault is watch.Fault.DIVERGED:
+                piece.scratch.next = piece.states[1 - self._now]
+                stay(piece.parameters, before, piece.scratch)
+            found[number] = fault, told
+        return found
+
+    @property
+    def _monitors(self) -> Floats:
+        """Of the committed states (b, N_MONITOR)."""
+        return np.asarray(self._all.buffers[self._now][self._all.monitors])
+
+    def _bound(self, piece: Piece) -> None:
+        points = piece.model.indptr, piece.model.node, piece.parameters.weight
+        bounds = piece.scratch.outputs.result[k.BOUNDS : k.BOUNDS + 6]
+        bound_points(piece.model.n_surface, *points, piece.states[1 - self._now].x, bounds)
+
+    def correct(self, request: Correct) -> Advanced:
+        raise ValueError("a pile has no coupling nodes: nothing corrects its steps")
+
+    def commit(self) -> None:
+        """Accept the tentative step; does nothing if there is none."""
+        if self._tentative:
+            self._now, self._tentative = 1 - self._now, False
+
+    def discard(self) -> None:
+        """Take the tentative step back; does nothing if there is none."""
+        self._tentative = False
+
+    # ---- what is known
+
+    def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
+        """Fields of all bodies, of the last advanced step."""
+        now = 1 - self._now if self._tentative else self._now
+        each = [
+            piece.reader.read(request_header, piece.parameters, piece.states[now], indicators, own)
+            for piece in self.pieces
+        ]
+        none, no_ids = np.zeros((0, 3)), np.zeros(0, dtype=np.int32)
+        nothing = no_ids, none, none, np.zeros((0, 8, 6)), no_ids, none, none, no_ids
+        return Fields(request_header, *nothing, bodies=each)
+
+    def snapshot(self) -> bytes:
+        """Commit, then the snapshots of all bodies, each after its length."""
+        self.commit()
+        states = [encode_state(self._committed(piece), np.zeros(0)) for piece in self.pieces]
+        return b"".join(len(state).to_bytes(_LENGTH, "little") + state for state in states)
+
+    def restore(self, state: bytes) -> None:
+        """Take over a snapshot of the same bodies; a tentative step is dropped. Raises ValueError for others."""
+        parts = split_snapshot(state)
+        if len(parts) != len(self.pieces):
+            raise ValueError(f"the snapshot is of {len(parts)} bodies, the pile has {len(self.pieces)}")
+        kept = self._all.buffers[self._now].copy()
+        try:
+            for part, piece in zip(parts, self.pieces, strict=True):
+                decode_state(part, self._committed(piece), 0)
+        except ValueError:
+            self._all.buffers[self._now][:] = kept
+            raise
+        self._tentative = False
+        self._same[:] = False
+        self._see_unshared()
+
+
+def split_snapshot(state: bytes) -> list[bytes]:
+    """Snapshots of the bodies of a pile, each as a region of its own would give it. Raises ValueError."""
+    parts, at = [], 0
+    while at < len(state):
+        end = at + _LENGTH + int.from_bytes(state[at : at + _LENGTH], "little")
+        if end > len(state):
+            raise ValueError("the snapshot of a pile ends too early: restore the bytes that `snapshot` returned")
+        parts.append(state[at + _LENGTH : end])
+        at = end
+    return parts
