@@ -8,7 +8,7 @@ from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline
 from softseam_services.progress import tell_progress
 from softseam_services.server import ParticipantServer
-from softseam_services.warm_up import settle, warm_participant
+from softseam_services.warm_up import settle, warm_participant, warm_pile
 
 ROLE = "participant"
 
@@ -18,6 +18,7 @@ def serve_participant(model: str, options: BusOptions, life: Lifeline, name: str
     service = name or model
     life.state = "compiling"
     warm_participant(model)
+    warm_pile(model)
     settle()
     handler = ParticipantHandler(ParticipantServer(), (model,))
     keys, instance = options.keys, new_instance()

@@ -168,6 +168,28 @@ def _ask_everything(model: str, mesh: bool) -> None:
     ask(Release(header(2)))
 
 
+def warm_pile(model: str) -> None:
+    """Let a participant of `model` take a step of two bodies that are one part. Raises WarmUpFailed.
+
+    Does nothing for a model that does not pile.
+    """
+    if not (MODELS[model].piles and SOLVERS[model].kernels):
+        return
+    block = warm_scene(model).body.model_copy(update={"regions": RegionsSpec(default=model)})
+    names = ["first", "second"]
+    update = {"many": dict.fromkeys(names, block), "one": None, "motion": (), "regions": RegionsSpec()}
+    scene = warm_scene(model).model_copy(update=update)
+    with compiling(model):
+        bundle, none = Bundle(scene.model_dump_json(), {}), np.zeros(0, dtype=np.int32)
+        setups = {name: build_setup(bundle, name) for name in names}
+        server, tools = ParticipantServer(), setups["first"].tools
+        server.adopt(bundle, setups)
+        _asked(server, Configure(_header(0), bundle, model, none, none, bodies=names))
+        motion = tool_motion(tools, tools.position, tools.orientation, np.zeros((len(tools.names), 6)), scene.step)
+        _asked(server, Advance(_header(0), scene.step, np.zeros((0, 3)), motion))
+        _asked(server, Release(_header(0)))
+
+
 def never_compiled(model: str, module: str = "*") -> bool:
     """Whether kernels of `model`, all or those of one module, are nowhere beside their sources, but could be."""
     if model not in SOLVERS or not SOLVERS[model].kernels:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import softseam
-from softseam_protocol.messages.participant import Advance, Reply, Request
+from softseam_protocol.messages.participant import Advance, Configure, Reply, Request
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -51,15 +51,20 @@ def rows() -> Iterator[None]:
 
 
 class Counting(EmbeddedTransport):
-    """It counts how often the parts of each body are asked to advance."""
+    """It counts how often each body is asked to advance, by itself or in a pile."""
 
     def __init__(self) -> None:
         super().__init__()
         self.asked = {"still": 0, "busy": 0}
+        self._bodies: dict[str, list[str]] = {}
 
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         for part, request in requests.items():
-            self.asked[part.partition(".")[0]] += isinstance(request, Advance)
+            if isinstance(request, Configure):
+                self._bodies[part] = request.bodies or [request.body]
+            if isinstance(request, Advance):
+                for place, body in enumerate(self._bodies[part]):
+                    self.asked[body] += not (len(request.asleep) and request.asleep[place])
         return super().exchange(requests)
 
 

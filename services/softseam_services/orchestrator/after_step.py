@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.session import ErrorEstimate, Frame
-from softseam_services.orchestrator.bodies import Bodies, Solutions
+from softseam_services.orchestrator.bodies import Bodies
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.energy_balance import Entry
 from softseam_services.orchestrator.moving_tools import Move, Moved, MovingTools
 from softseam_services.orchestrator.reports import work_of_drive
+from softseam_services.orchestrator.solutions import Solutions
 from softseam_services.orchestrator.step_warnings import Tell, ToolWarnings
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
 from softseam_services.orchestrator.whereabouts import LOOK_EVERY
@@ -32,7 +33,7 @@ class Taken:
 
     solutions: Solutions
     wrenches: Mapping[str, Floats]
-    """of each body on the tools (t, 6) [N, N m]"""
+    """of each body that is in no pile, on the tools (t, 6) [N, N m]"""
     move: Move
     moved: Moved
     ongoing: bool
@@ -74,15 +75,19 @@ class AfterStep:
     def measure(self, taken: Taken, frames: Mapping[str, Frame]) -> dict[str, float]:
         """Quantities of all bodies."""
         found: dict[str, float] = {}
-        for name, body in self._bodies.named.items():
+        for name, body in self._bodies.apart.items():
             replies, frame = taken.solutions[name].replies, frames.get(name)
             found |= body.measure(replies, taken.wrenches[name], *self._moving.poses, frame, self._moving.lifting)
+        for pile in self._bodies.piles:
+            found |= pile.measure(*self._moving.poses, frames, self._moving.lifting)
         return found
 
     def book(self, taken: Taken, dt: float) -> dict[str, Entry]:
-        """Enter a step of dt [s] into the balance of each body."""
+        """Enter a step of dt [s] into the balance of each body and pile."""
         entries = {}
-        for name, body in self._bodies.named.items():
+        for pile in self._bodies.piles:
+            entries[pile.pile.part] = pile.book(self._clock.step - 1, taken.move.command, dt)
+        for name, body in self._bodies.apart.items():
             drive_work = work_of_drive(taken.wrenches[name], taken.move.command, dt)
             entries[name] = body.book(taken.solutions[name].replies, taken.solutions[name], drive_work)
         return entries
@@ -91,7 +96,10 @@ class AfterStep:
         """Let the cuts follow the step; whether one did. Every so often parts keep what they are recovered from."""
         switched = False
         awake = self._bodies.awake
+        adapts = awake if self._clock.step == 1 else awake.keys() & self._bodies.apart.keys()
         for name, body in awake.items():
+            if name not in adapts:
+                continue
             energies = self.try_to(partial(body.follow, taken.solutions[name].replies, taken.move.motion))
             if energies is not None:
                 body.balance.switched(energies)
@@ -106,6 +114,7 @@ class AfterStep:
         """How far the run may be off, by body, where the scene's own motion ends; looked at as its phases end."""
         if not taken.ongoing or taken.move.by_hand or not (taken.moved.phase_ends or taken.done):
             return {}
+        self._bodies.store()
         found = {}
         for name, body in self._bodies.named.items():
             replies, at = taken.solutions[name].replies, self._moving.poses
@@ -117,10 +126,15 @@ class AfterStep:
     def warn(self, taken: Taken, estimates: Mapping[str, ErrorEstimate]) -> None:
         """Tell what of the step is worth an event."""
         at, move, moved = self._clock.step - 1, taken.move, taken.moved
-        for name, body in self._bodies.named.items():
+        looks = taken.done or self._clock.step % LOOK_EVERY == 0
+        for pile in self._bodies.piles:
+            pile.notify(at, estimates)
+            if looks:
+                self.try_to(partial(pile.watch, at, *self._moving.poses))
+        for name, body in self._bodies.apart.items():
             replies = taken.solutions[name].replies
             body.warnings.follow(at, replies, body.balance.raised, estimates.get(name))
-            if taken.done or self._clock.step % LOOK_EVERY == 0:
+            if looks:
                 self.try_to(partial(body.watch, at, replies, taken.wrenches[name], *self._moving.poses))
         if moved.missed:
             self._say("force", f"step {at}: {moved.missed}")

@@ -5,7 +5,8 @@ A step of theirs is a recipe: wake, climb, advance every island, and once it is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 
 from softseam_coupling.islands import islands_of
@@ -19,17 +20,21 @@ from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.islands import advance_all
 from softseam_services.orchestrator.joined_bodies import Between, JoinedBodies, interfaces_of, joints_of
 from softseam_services.orchestrator.ladder import Ladder
+from softseam_services.orchestrator.participants import Participants
+from softseam_services.orchestrator.pile import MemberTransport, Pile
+from softseam_services.orchestrator.pile_bodies import PileBodies
+from softseam_services.orchestrator.piles import piles_of
 from softseam_services.orchestrator.probes import share_probes
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.saved_state import SavedBodies
+from softseam_services.orchestrator.sides import resting_state
 from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.sleeping import Sleeping
+from softseam_services.orchestrator.solutions import Solutions
 from softseam_services.orchestrator.step_warnings import Tell, naming
-from softseam_services.orchestrator.transport import Transport
+from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
 from softseam_services.server import Setup, build_setup
 
-Solutions = dict[str, Outcome]
-"""of a step, by body"""
 Adopt = Callable[[Bundle, Mapping[str, Setup]], None]
 
 
@@ -55,6 +60,7 @@ class Bodies:
         report: Tell,
     ) -> None:
         self._scene, self._setups, self._transport, self._adopt = scene, setups, transport, adopt
+        self._bundle = bundle
         self._program, self._clock, self._report = program, clock, report
         self._probes = share_probes({name: setup.body for name, setup in setups.items()}, scene.probes)
         self._interfaces = interfaces_of(scene, {name: setup.body for name, setup in setups.items()})
@@ -63,14 +69,26 @@ class Bodies:
             for name, body in scene.bodies.items()
             if body.said("ladder", ())
         }
+        joined = {name for between in self._interfaces.values() for name in between.bodies}
+        self._piles = {
+            model: self._pile(model, names) for model, names in piles_of(setups, joined | self._ladders.keys()).items()
+        }
         self.named = {
             name: self._ladders[name].begin() if name in self._ladders else self._simulated(name, bundle, setup)
             for name, setup in setups.items()
         }
         """by name, in the scene's order"""
+        self.piles = [
+            PileBodies(pile, self.named, program, setups[pile.names[0]].tools) for pile in self._piles.values()
+        ]
+        """those whose bodies step as one part"""
+        self._apart = [name for name in self.named if not any(name in pile.names for pile in self._piles.values())]
         islands = islands_of(self.named, (between.bodies for between in self._interfaces.values()))
         self._joined = [self._join(island) for island in islands if len(island) > 1]
         self._lone = {island[0]: self.named[island[0]].participants for island in islands if len(island) == 1}
+        for pile in self._piles.values():
+            for name in pile.names:
+                del self._lone[name]
         mass, tools = {name: setup.body.total_mass for name, setup in setups.items()}, next(iter(setups.values())).tools
         self._sleeping = Sleeping(scene.sleep, islands, mass, tools, self._woke)
 
@@ -83,12 +101,22 @@ class Bodies:
             setup=setup,
             program=self._program,
             points=self._probes[name],
-            transport=self._transport,
+            transport=self._transport_of(name),
             clock=self._clock,
             tell=self._report if len(self._setups) == 1 else naming(name, self._report),
             gripped=first is None or first.body is self._setups[name].body,
             joints=joints_of(name, self._interfaces),
         )
+
+    def _pile(self, model: str, names: Sequence[str]) -> Pile:
+        n_nodes = sum(self._setups[name].body.n_nodes for name in names)
+        about = model, names, n_nodes, self._bundle, self._scene
+        return Pile(*about, self._transport, self._clock, self._report)
+
+    def _transport_of(self, name: str) -> Transport:
+        """How a body by itself is asked."""
+        pile = next((pile for pile in self._piles.values() if name in pile.names), None)
+        return self._transport if pile is None else MemberTransport(pile, name)
 
     def _on_rung(self, name: str, bundle: Bundle) -> SimulatedBody:
         setup = build_setup(bundle, name)
@@ -112,8 +140,13 @@ class Bodies:
         self._sleeping.reset()
         for name, ladder in self._ladders.items():
             self._stand_on(name, ladder.begin())
+        for each in self._piles.values():
+            states = [resting_state(self.named[name].body) for name in each.names]
+            each.begin(states, self._clock.step)
         for body in self.named.values():
             body.reset()
+        for pile in self.piles:
+            pile.begin()
         for island in self._joined:
             island.begin()
 
@@ -121,6 +154,34 @@ class Bodies:
     def steps_ahead(self) -> bool:
         """Whether a step may begin with the correction of the one before: nothing is decided between them."""
         return len(self.named) == 1 and not self._ladders and not self._sleeping.possible
+
+    @property
+    def apart(self) -> dict[str, SimulatedBody]:
+        """Those that are in no pile, by name."""
+        if not self.piles:
+            return self.named
+        return {name: self.named[name] for name in self._apart}
+
+    def store(self) -> None:
+        """Have each body of a pile know what the steps did to it."""
+        for pile in self.piles:
+            pile.store()
+
+    @property
+    def parts(self) -> set[str]:
+        """Ids of the parts that participants hold."""
+        own = {part for body in self.apart.values() for part in body.participants.sides.names}
+        return own | {pile.part for pile in self._piles.values()}
+
+    def release(self, kept: Collection[str]) -> None:
+        """Let go of the parts that are not among these."""
+        for body in self.apart.values():
+            with suppress(ParticipantLost, ParticipantFailed):  # who is lost holds nothing
+                body.participants.release(set(body.participants.sides.names) - set(kept))
+        for pile in self._piles.values():
+            if pile.part not in kept:
+                with suppress(ParticipantLost, ParticipantFailed):
+                    pile.release()
 
     @property
     def awake(self) -> dict[str, SimulatedBody]:
@@ -133,7 +194,8 @@ class Bodies:
 
         Raises StepFailed, ParticipantLost and ParticipantFailed.
         """
-        lone, joined = self._lone, self._joined
+        lone: dict[str, Participants | Pile] = {**self._lone}
+        joined = self._joined
         self._sleeping.wake(motion)
         asleep = self._sleeping.outcomes()
         if self._ladders:
@@ -141,10 +203,13 @@ class Bodies:
         if asleep:
             lone = {name: island for name, island in lone.items() if name not in asleep}
             joined = [island for island in joined if island.members.keys().isdisjoint(asleep)]
+        lone |= {pile.part: pile for pile in self._piles.values() if pile.lay(asleep)}
         taken = asleep | advance_all(lone, joined, self._transport, motion, fields, then)
-        return {name: taken[name] for name in self.named}  # sums in one order have one rounding
+        for pile in self.piles:
+            pile.take(taken.get(pile.pile.part))
+        return Solutions({name: taken[name] for name in self.named if name in taken}, self.piles)
 
-    def _climb(self, asleep: Solutions) -> None:
+    def _climb(self, asleep: Mapping[str, Outcome]) -> None:
         """Let bodies that are awake go to the rungs that they are to be on in the step that begins."""
         for name, ladder in self._ladders.items():
             old = self.named[name]
@@ -191,6 +256,7 @@ class Bodies:
 
     def save(self) -> SavedBodies:
         """All that evolves."""
+        self.store()
         return SavedBodies(
             {name: body.save() for name, body in self.named.items()},
             {island.name: island.save() for island in self._joined},
@@ -214,9 +280,17 @@ class Bodies:
             ladder.at = saved.rungs[name]
         for name, body in self.named.items():
             body.load(saved.named[name])
+        for pile in self.piles:
+            pile.pile.restore(self._clock.step)
+            pile.begin()
         for island in self._joined:
             island.load(saved.joined[island.name])
         self._sleeping.load(saved.sleeping)
+        for name, outcome in self._sleeping.outcomes().items():
+            for pile in self.piles:
+                if name in pile.pile.names:
+                    (reply,) = outcome.replies.values()
+                    pile.stand(name, reply)
 
     def _standing(self, saved: SavedBodies) -> dict[str, SimulatedBody]:
         """The bodies on the rungs that were saved."""

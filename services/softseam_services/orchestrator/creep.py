@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +31,7 @@ _TREND = 0.05
 """by which the later half of its way differs from the earlier: by more, it gains or loses speed [1]"""
 _WAY = 1e-3
 """of the body's extent: less in all is no way"""
+LEAST_WAY = 0.5 * _WAY
 _ROLLS = 0.25
 """of mass, speed and half the extent: a ball that rolls has a spin of 0.4 of it, a cylinder of 0.5"""
 _SLOW = 0.2
@@ -88,6 +89,23 @@ class Creep:
             self._seen.clear()
             return
         self._seen.append(self._see(replies))
+        self._judge(step)
+
+    @property
+    def n_looks(self) -> int:
+        """In a row, that it takes to know."""
+        return self._seen.maxlen or 0
+
+    def look_back(self, step: int, looks: Iterable[tuple[Floats, Floats, Floats, bool]]) -> None:
+        """As many looks as it takes, at tools that stood still: bounds (2, 3) [m], momentum (3,) [kg m/s], angular
+        momentum (3,) [kg m^2/s], and whether the body touched anything."""
+        if not self._told and self._may:
+            self._seen.clear()
+            self._seen.extend(_Seen(*one) for one in looks)
+            self._judge(step)
+
+    def _judge(self, step: int) -> None:
+        """Tell where all looks say so."""
         if len(self._seen) == self._seen.maxlen and (speed := self._speed()):
             self._told = True
             self._tell(
@@ -108,7 +126,7 @@ class Creep:
     def _speed(self) -> float:
         """Speed at which it creeps [m/s]; 0 where it does not."""
         seen = self._seen
-        if np.abs(seen[-1].bounds - seen[0].bounds).max() < 0.5 * _WAY * self._size:
+        if np.abs(seen[-1].bounds - seen[0].bounds).max() < LEAST_WAY * self._size:
             return 0.0  # nearly always
         ways = np.diff([each.bounds for each in seen], axis=0)  # (n, 2, 3)
         mean = ways.mean(axis=(0, 1))

@@ -47,8 +47,9 @@ class EnergyBalance:
     """
 
     def __init__(self, standing: float = 0.0, inelastic: bool = False) -> None:
-        self._inelastic = inelastic
-        self._book = EnergyLedger(switch_limit=SWITCH_LIMIT, standing=standing)
+        self.inelastic = inelastic
+        self.limits = EnergyLedger(switch_limit=SWITCH_LIMIT, standing=standing)
+        """by which it warns, and books"""
         self.reset()
 
     def reset(self) -> None:
@@ -103,9 +104,9 @@ class EnergyBalance:
         contact_loss = 0.0 if _in_parts(parts, replies, solution) else drive_work - tool_work
         dissipation = switch = 0.0
         if self.ledger is None:
-            self.ledger = self._book.open(energies, contact_loss)
+            self.ledger = self.limits.open(energies, contact_loss)
         else:
-            entry = self._book.step(
+            entry = self.limits.step(
                 self.ledger,
                 energies,
                 tool_work + interface_work,
@@ -128,7 +129,7 @@ class EnergyBalance:
             **({"interface_work": interface_work} if len(parts.joints) else {}),
             "dissipation": dissipation,
             "switch": switch,
-            **({"material": material} if self._inelastic else {}),
+            **({"material": material} if self.inelastic else {}),
         }
         return Entry(reports, interfaces, energy, momentum, angular, penetration, drive_work)
 
@@ -143,7 +144,7 @@ class EnergyBalance:
 
     def share_of_switch(self, change: float) -> float:
         """A switch's change of energy [J] over the body's [1]; beyond `SWITCH_LIMIT` it is better not made."""
-        return self._book.share_of_switch(self.ledger, change)
+        return self.limits.share_of_switch(self.ledger, change)
 
     def switched(self, energies: Energies) -> float:
         """Parts switched after the last step, and the models that hold the body now have these energies; by how much
@@ -152,7 +153,7 @@ class EnergyBalance:
             change, self.begun = energies.kinetic - self.begun.kinetic, energies
             return change
         change = energies.kinetic - self.ledger.last.kinetic
-        self._book.switched(self.ledger, energies)
+        self.limits.switched(self.ledger, energies)
         return change
 
 

@@ -8,11 +8,12 @@ from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.participant import Reply, Request, ToolMotion
 from softseam_services.orchestrator.joined_bodies import JoinedBodies
 from softseam_services.orchestrator.participants import Participants
+from softseam_services.orchestrator.pile import Pile
 from softseam_services.orchestrator.transport import Transport
 
 
 def advance_all(
-    islands: Mapping[str, Participants],
+    islands: Mapping[str, Participants | Pile],
     joined: Sequence[JoinedBodies],
     transport: Transport,
     motion: ToolMotion,
@@ -21,7 +22,7 @@ def advance_all(
 ) -> dict[str, Outcome]:
     """Advance all bodies by a step; where one fails, none has taken it. What each did, by body.
 
-    islands  of one body, by its name
+    islands  of one body, by its name, and piles by their parts'
     joined   of several
     then     of a lone island, see `Participants.advance`
 
@@ -29,7 +30,7 @@ def advance_all(
     Raises StepFailed, ParticipantLost and ParticipantFailed.
     """
     solutions: dict[str, Outcome] = {}
-    taken: list[Participants | JoinedBodies] = []
+    taken: list[Participants | Pile | JoinedBodies] = []
     free = {name: island for name, island in islands.items() if not island.tied}
     alone = len(islands) + len(joined) == 1
     try:
@@ -41,7 +42,7 @@ def advance_all(
             solutions[name] = island.taken(replies)
             taken.append(island)
         for name, island in islands.items():
-            if island.tied:
+            if isinstance(island, Participants) and island.tied:
                 solutions[name] = island.advance(motion, fields, alone, then)
                 taken.append(island)
         for bodies in joined:

@@ -238,13 +238,14 @@ class Quantities:
         MEASUREMENTS.require(QUANTITIES, QUANTITIES.described)
         QUANTITIES.require(MEASUREMENTS, MEASUREMENTS.described)
         PROBE_MEASUREMENTS.require(PROBED, PROBED.described)
-        self._program, self._rest = program, RestingBody(body)
+        self._program, self.rest = program, RestingBody(body)
         kinds = ("any", body.made_of)
-        self._rows = [
+        self.rows = [
             (name, row, MEASUREMENTS[name])
             for name, row in QUANTITIES.items()
             if row.of in kinds and (row.always or name in wanted) and (gripped or name not in _OF_GRIP)
         ]
+        """by name, in their order"""
         asked = [MEASUREMENTS[name].needs for name in wanted]
         self.need_fields = "fields" in asked or "indicators" in asked
         """whether some that the scene asks for cost a look at the fields"""
@@ -257,9 +258,9 @@ class Quantities:
 
     def height(self, replies: Mapping[str, Advanced]) -> float:
         """How far the centre of mass rose since rest, against gravity [m]; without gravity, the lowest point."""
-        if self._rest.weight > 0.0:
-            return sum(reply.gravity for reply in replies.values()) / self._rest.weight
-        return min(float(reply.bounds[0, 2]) for reply in replies.values()) - self._rest.bottom
+        if self.rest.weight > 0.0:
+            return sum(reply.gravity for reply in replies.values()) / self.rest.weight
+        return min(float(reply.bounds[0, 2]) for reply in replies.values()) - self.rest.bottom
 
     def measure(
         self,
@@ -271,15 +272,15 @@ class Quantities:
         rise: float,
     ) -> dict[str, float]:
         """All quantities of the step; those that need fields only where there is a frame. Arguments as in `Look`."""
-        look = Look(self._rest, self._program, replies, position, orientation, frame, grip_force, rise)
+        look = Look(self.rest, self._program, replies, position, orientation, frame, grip_force, rise)
         at_hand = _at_hand(look)
-        return {name: row.measure(look) for name, _, row in self._rows if row.needs in at_hand}
+        return {name: row.measure(look) for name, _, row in self.rows if row.needs in at_hand}
 
     def at_rest(self, position: Floats, orientation: Floats, frame: Frame | None) -> dict[str, float]:
         """The same before the first step; those that only a step can tell are left out."""
-        look = Look(self._rest, self._program, {}, position, orientation, frame)
+        look = Look(self.rest, self._program, {}, position, orientation, frame)
         found, at_hand = {}, _at_hand(look)
-        for name, described, row in self._rows:
+        for name, described, row in self.rows:
             if described.at_rest is not None:
                 found[name] = described.at_rest
             elif row.needs in at_hand:

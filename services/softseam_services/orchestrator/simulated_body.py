@@ -105,6 +105,29 @@ class SimulatedBody:
         self.balance.switched(self.regions.start(state))
         other.participants.release(set(other.participants.parts.names) - set(self.participants.parts.names))
 
+    @property
+    def memory(self) -> tuple[float, float, bool]:
+        """What its quantities remember: where its lift began [m], its last slip [m], whether tools had it then."""
+        return self._lift_base, self._slip, self._felt
+
+    @memory.setter
+    def memory(self, known: tuple[float, float, bool]) -> None:
+        self._lift_base, self._slip, self._felt = known
+
+    @property
+    def quantities(self) -> Quantities:
+        """What is measured of it."""
+        return self._quantities
+
+    @property
+    def prefix(self) -> str:
+        """Of its quantities' names."""
+        return self._prefix
+
+    def tell(self, kind: str, message: str) -> None:
+        """Tell an event of this body."""
+        self._tell(kind, message)
+
     # ---- one step
 
     def goes_on(self, step: int, look: bool) -> bool:
@@ -116,13 +139,19 @@ class SimulatedBody:
         self, step: int, replies: Mapping[str, Advanced], wrench: Floats, position: Floats, orientation: Floats
     ) -> None:
         """Tell what became of the body by now, after a step that had this wrench on the tools (t, 6) [N, N m]."""
+        self.look_around(step, replies, wrench, position, orientation)
+        if (step + 1) % LOOK_EVERY == 0:
+            self.creep.look(step, replies, position, orientation)
+
+    def look_around(
+        self, step: int, replies: Mapping[str, Advanced], wrench: Floats, position: Floats, orientation: Floats
+    ) -> None:
+        """The same but whether it creeps."""
         self.whereabouts.look(step, replies, position, orientation)
         self.pierced.look(
             *(step, box_of(list(replies.values())), wrench, position, orientation),
             lambda: self.look({}, position, orientation).point_x,
         )
-        if (step + 1) % LOOK_EVERY == 0:
-            self.creep.look(step, replies, position, orientation)
 
     def look(self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats) -> Frame:
         """The body as it stands, between tools at (t, 3), (t, 4)."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from time import perf_counter
 
 import numpy as np
@@ -19,7 +18,7 @@ from softseam_protocol.scene.scene import SeveralBodies
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.after_step import CHECKPOINT_STEPS, AfterStep, Taken
 from softseam_services.orchestrator.archive import ArchiveError
-from softseam_services.orchestrator.bodies import Bodies, Solutions
+from softseam_services.orchestrator.bodies import Bodies
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.moving_tools import Move, MovingTools
@@ -29,8 +28,9 @@ from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.reports import step_report, worst, wrench_of
 from softseam_services.orchestrator.saved_state import SavedState
 from softseam_services.orchestrator.simulated_body import SimulatedBody
+from softseam_services.orchestrator.solutions import Solutions
 from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
-from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
+from softseam_services.orchestrator.transport import Transport
 from softseam_services.server import Setup, build_setup
 
 Floats = NDArray[np.float64]
@@ -160,11 +160,13 @@ class Simulation:
             clock.at_pace(self.scene.step)
             self.reset(self._seed)
             raise
-        taken_over = {part for body in other.bodies.values() for part in body.participants.parts.names}
-        for body in self.bodies.values():
-            with suppress(ParticipantLost, ParticipantFailed):  # who is lost holds nothing
-                body.participants.release(set(body.participants.parts.names) - taken_over)
+        self._bodies.release(other.parts)
         return other
+
+    @property
+    def parts(self) -> set[str]:
+        """Ids of the parts that participants hold."""
+        return self._bodies.parts
 
     def _forget(self) -> None:
         """The last step is another's."""
@@ -193,8 +195,8 @@ class Simulation:
         look = fields or (self._wants_fields and (self._clock.step + 1) % _FIELDS_EVERY == 0)
         then = self._ahead(move, look) if more else None
         solutions = self._bodies.advance(move.motion, look, then)
-        wrenches = {name: wrench_of(solution.replies) for name, solution in solutions.items()}
-        first, *others = wrenches.values()
+        wrenches = {name: wrench_of(solutions[name].replies) for name in self._bodies.apart}
+        first, *others = (*wrenches.values(), *(pile.wrench for pile in self._bodies.piles))
         wrench = sum(others, first)
         moved = self._moving.take(move, wrench)
         self._clock.step += 1
@@ -276,6 +278,7 @@ class Simulation:
 
     def estimate(self) -> ErrorEstimate | None:
         """How far the answer may be off as the bodies stand, of the one that is off most; None of particles."""
+        self._bodies.store()
         found = {name: body.estimate(*self._moving.poses) for name, body in self.bodies.items()}
         return worst({name: estimate for name, estimate in found.items() if estimate is not None})
 
@@ -288,8 +291,7 @@ class Simulation:
 
     def close(self) -> None:
         """Release the participants and the transport."""
-        for body in self.bodies.values():
-            body.participants.release_all()
+        self._bodies.release(())
         self._transport.close()
 
     # ---- snapshots

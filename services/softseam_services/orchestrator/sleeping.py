@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +15,44 @@ from softseam_protocol.errors import DecodeError
 from softseam_protocol.messages.participant import Advanced, ToolMotion
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.body.errors import SettingError
+from softseam_services.orchestrator.solutions import Solutions
 from softseam_services.tools.tool_set import ToolSet
 
+Floats = NDArray[np.float64]
 Entries = dict[str, NDArray[np.generic]]
+_Seen = tuple[Floats, Floats, frozenset[tuple[str, ...]]]
+"""poses of tools (t, 3) [m], (t, 4), and islands"""
 
 _QUIET: dict[str, Any] = {
     "tool_work": 0.0, "coupling_work": 0.0, "passing": 0.0, "given": 0.0, "iterations": 0, "seconds": 0.0,
     "fields": None, "n_substeps": 1, "n_rejected": 0, "step_error": 0.0, "alarm": "", "alarm_details": [], "then": None,
 }  # fmt: skip
 """of a reply in steps that the part sleeps through"""
+
+
+class _Around(NamedTuple):
+    """What an island sees of tools, see `Island`."""
+
+    tools: dict[str, Floats]
+    moving: frozenset[str]
+
+
+class _Bounds(Mapping[str, Floats]):
+    """Boxes of an island's bodies, which few rules look at."""
+
+    def __init__(self, names: tuple[str, ...], solutions: Solutions) -> None:
+        self._names, self._solutions = names, solutions
+
+    def __getitem__(self, name: str) -> Floats:
+        if name not in self._names:
+            raise KeyError(name)
+        return self._solutions.bounds(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
 
 
 class Sleeping:
@@ -53,6 +82,7 @@ class Sleeping:
     def reset(self) -> None:
         """All are awake."""
         self._asleep: dict[tuple[str, ...], dict[str, Outcome]] = {}
+        self._seen: _Seen | None = None  # by those that sleep, when none had a reason to wake
         self._calm = dict.fromkeys(self._islands, 0)
 
     @property
@@ -67,46 +97,55 @@ class Sleeping:
         return {name: outcome for outcomes in self._asleep.values() for name, outcome in outcomes.items()}
 
     def wake(self, motion: ToolMotion) -> None:
-        """A step begins: wake the islands that have a reason."""
+        """A step begins: wake the islands that have a reason. What saw the same tools stand still has none."""
+        if not self._asleep:
+            return
+        around = self._around(motion)
+        seen = motion.position_next, motion.orientation_next, frozenset(self._asleep)
+        if not around.moving and self._seen is not None and _alike(self._seen, seen):
+            return
+        self._seen = None if around.moving else seen
         for island in list(self._asleep):
-            reason = _reason(self._view(island, self._asleep[island], motion))
+            reason = _reason(self._view(island, Solutions(self._asleep[island]), around))
             if reason:
                 del self._asleep[island]
                 self._calm[island] = 0
                 self._woke(island, reason)
 
-    def follow(self, solutions: Mapping[str, Outcome], motion: ToolMotion) -> list[tuple[str, ...]]:
+    def follow(self, solutions: Solutions, motion: ToolMotion) -> list[tuple[str, ...]]:
         """A step was taken: the islands that sleep from now on."""
         if self._rule is None:
             return []
         fell: list[tuple[str, ...]] = []
+        around = self._around(motion)
         for island in self._islands:
             if island in self._asleep:
                 continue
-            own = {name: solutions[name] for name in island}
-            view = self._view(island, own, motion)
+            view = self._view(island, solutions, around)
             self._calm[island] = self._calm[island] + 1 if view.speed < CALM else 0
             if self._rule(replace(view, calm_steps=self._calm[island])) and not _reason(view):
-                self._asleep[island] = {name: _quiet(outcome) for name, outcome in own.items()}
+                self._asleep[island] = {name: _quiet(solutions[name]) for name in island}
                 fell.append(island)
         return fell
 
-    def _view(self, island: tuple[str, ...], outcomes: Mapping[str, Outcome], motion: ToolMotion) -> Island:
+    def _around(self, motion: ToolMotion) -> _Around:
         moves = (motion.position_next != motion.position).any(axis=1) | (
             motion.orientation_next != motion.orientation
         ).any(axis=1)
-        bounds = {}
-        for name, outcome in outcomes.items():
-            boxes = np.array([reply.bounds for reply in outcome.replies.values()])
-            bounds[name] = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+        return _Around(
+            dict(zip(self._names, motion.position_next, strict=True)),
+            frozenset(name for name, moving in zip(self._names, moves.tolist(), strict=True) if moving),
+        )
+
+    def _view(self, island: tuple[str, ...], solutions: Solutions, around: _Around) -> Island:
         return Island(
-            sum(reply.kinetic for outcome in outcomes.values() for reply in outcome.replies.values()),
+            sum(solutions.kinetic(name) for name in island),
             sum(self._mass[name] for name in island),
             self._calm[island],
-            bounds,
-            dict(zip(self._names, motion.position_next, strict=True)),
+            _Bounds(island, solutions),
+            around.tools,
             self._reach,
-            frozenset(name for name, moving in zip(self._names, moves.tolist(), strict=True) if moving),
+            around.moving,
         )
 
     # ---- snapshots
@@ -124,6 +163,7 @@ class Sleeping:
     def load(self, entries: Mapping[str, NDArray[np.generic]]) -> None:
         """Continue from `save`. Raises KeyError or ValueError, and changes nothing, where it is of other islands."""
         self._asleep, self._calm = self.read(entries)
+        self._seen = None
 
     def read(
         self, entries: Mapping[str, NDArray[np.generic]]
@@ -147,6 +187,10 @@ class Sleeping:
         asleep = [island for island in self._islands if any(name in found for name in island)]
         sleepers = {island: {name: found[name] for name in island} for island in asleep}
         return sleepers, dict(zip(self._islands, calm, strict=True))
+
+
+def _alike(one: _Seen, other: _Seen) -> bool:
+    return one[2] == other[2] and all(np.array_equal(a, b) for a, b in zip(one[:2], other[:2], strict=True))
 
 
 def _reason(island: Island) -> str:

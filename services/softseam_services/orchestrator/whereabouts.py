@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 LOOK_EVERY = 10
 """steps between looks"""
-_FAR = 10.0
+FAR = 10.0
 """extents of the body by which it is away from everything else when it is gone"""
 
 
@@ -47,13 +47,14 @@ class Whereabouts:
         self._tools, self._tell = tools, tell
         points = bounding_points(body)
         self._low, self._high = points.min(axis=0), points.max(axis=0)
-        self._size = float((self._high - self._low).max())
+        self.size = float((self._high - self._low).max())
+        """longest edge of the box around it, where the scene starts [m]"""
         self._gravity = np.asarray(body.gravity)
         solid = body.has_cells or body.kind == "tet_mesh"
-        self._holding = [
+        self.holding = [
             tool
             for tool, kind in enumerate(tools.kind)
-            if kind == PLANE or (solid and kind == BOX and np.sort(2.0 * tools.shape[tool, :3])[1] > self._size)
+            if kind == PLANE or (solid and kind == BOX and np.sort(2.0 * tools.shape[tool, :3])[1] > self.size)
         ]
         """planes, and plates wider than the body"""
         self.forget()
@@ -63,14 +64,20 @@ class Whereabouts:
         self._side: dict[int, float] = {}
         self._behind: set[int] = set()
         self._gone = False
-        self._middle: Floats | None = None
+        self.middle: Floats | None = None
+        """of its box at the last look (3,) [m]"""
+
+    @property
+    def begun(self) -> Floats:
+        """Lower and upper bounds where the scene starts (2, 3) [m]."""
+        return np.stack((self._low, self._high))
 
     def start(self) -> None:
         """The body is at rest, where the scene starts."""
         self.forget()
-        self._middle = 0.5 * (self._low + self._high)
-        for tool in self._holding:
-            if across := self._across(tool, self._middle, self._tools.position, self._tools.orientation):
+        self.middle = 0.5 * (self._low + self._high)
+        for tool in self.holding:
+            if across := self._across(tool, self.middle, self._tools.position, self._tools.orientation):
                 self._side[tool] = across
 
     def look(self, step: int, replies: Mapping[str, Advanced], position: Floats, orientation: Floats) -> None:
@@ -79,12 +86,12 @@ class Whereabouts:
         middle = 0.5 * (low + high)
         if not all(map(math.isfinite, middle.tolist())):
             return
-        for tool in self._holding:
+        for tool in self.holding:
             if tool not in self._behind:
                 self._look_behind(step, tool, middle, position, orientation)
         if not self._gone and len(self._tools.names) and not any(reply.n_contacts for reply in replies.values()):
             self._look_away(step, low, high, middle, position, orientation)
-        self._middle = middle
+        self.middle = middle
 
     def _look_behind(self, step: int, tool: int, middle: Floats, position: Floats, orientation: Floats) -> None:
         """Tell where the body's middle has come from one side of a tool to the other."""
@@ -127,9 +134,9 @@ class Whereabouts:
                 most = np.maximum(most, position[tool] + reach)
         away = np.maximum(low - most, 0.0) - np.maximum(least - high, 0.0)
         far = float(np.linalg.norm(away))
-        if self._middle is None or far < _FAR * self._size:
+        if self.middle is None or far < FAR * self.size:
             return
-        moved = middle - self._middle
+        moved = middle - self.middle
         if float(moved @ away) <= 0.0 or float(self._gravity @ away) < 0.0 or self._is_caught(orientation):
             return
         self._gone = True
@@ -145,5 +152,5 @@ class Whereabouts:
             self._tools.kind[tool] == PLANE
             and tool not in self._behind
             and float(np.array(rotate_back(orientation[tool], *self._gravity)) @ self._tools.shape[tool, :3]) < 0.0
-            for tool in self._holding
+            for tool in self.holding
         )

@@ -18,6 +18,7 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
 from softseam_protocol.messages.pile import Begun
+from softseam_protocol.participant.pile_state import join_states, split_states
 from softseam_services.body.body import Floats
 from softseam_services.body.kernels.bounds import bound_points
 from softseam_services.request_check import problem_of
@@ -39,9 +40,6 @@ if TYPE_CHECKING:  # which builds by the row that names this file
 
 Integers = NDArray[np.int64]
 
-_LENGTH = 8
-"""bytes that tell how long a body's state is in a snapshot"""
-
 
 class PileSolver:
     """Whole bodies with the same tools, each a region. Implements `Solver`."""
@@ -52,6 +50,7 @@ class PileSolver:
         self._all = Pieces(setups)
         self.pieces = self._all.each
         """in the order of the bodies"""
+        self._cut = [piece for piece in self.pieces if piece.body.cut]
         self._n_tools = self.pieces[0].model.n_tools
         self._now = 0  # which of each piece's states is committed
         self._tentative = False
@@ -117,9 +116,8 @@ class PileSolver:
         dissipated = np.zeros(len(self.pieces))
         notes = {int(number): self._step_apart(int(number), request, dissipated) for number in apart}
         notes |= self._notes_of(kernels)
-        for piece in self.pieces:
-            if piece.body.cut:
-                self._bound(piece)
+        for piece in self._cut:
+            self._bound(piece)
         self._tentative = True
         stepped = Stepped(
             *(self._all.results, self._all.wrenches, self._notes[:, of_pile.SWEPT], self._notes[:, of_pile.SUBSTEPS]),
@@ -218,14 +216,13 @@ class PileSolver:
         return Fields(request_header, *nothing, bodies=each)
 
     def snapshot(self) -> bytes:
-        """Commit, then the snapshots of all bodies, each after its length."""
+        """Commit, then the snapshots of all bodies, see `softseam_protocol.participant.pile_state`."""
         self.commit()
-        states = [encode_state(self._committed(piece), np.zeros(0)) for piece in self.pieces]
-        return b"".join(len(state).to_bytes(_LENGTH, "little") + state for state in states)
+        return join_states(encode_state(self._committed(piece), np.zeros(0)) for piece in self.pieces)
 
     def restore(self, state: bytes) -> None:
         """Take over a snapshot of the same bodies; a tentative step is dropped. Raises ValueError for others."""
-        parts = split_snapshot(state)
+        parts = split_states(state)
         if len(parts) != len(self.pieces):
             raise ValueError(f"the snapshot is of {len(parts)} bodies, the pile has {len(self.pieces)}")
         kept = self._all.buffers[self._now].copy()
@@ -238,15 +235,3 @@ class PileSolver:
         self._tentative = False
         self._same[:] = False
         self._see_unshared()
-
-
-def split_snapshot(state: bytes) -> list[bytes]:
-    """Snapshots of the bodies of a pile, each as a region of its own would give it. Raises ValueError."""
-    parts, at = [], 0
-    while at < len(state):
-        end = at + _LENGTH + int.from_bytes(state[at : at + _LENGTH], "little")
-        if end > len(state):
-            raise ValueError("the snapshot of a pile ends too early: restore the bytes that `snapshot` returned")
-        parts.append(state[at + _LENGTH : end])
-        at = end
-    return parts

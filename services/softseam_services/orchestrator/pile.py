@@ -1,0 +1,244 @@
+"""A pile of a simulation: whole bodies that one participant holds as one part, asked and answered together.
+
+What is not a step is asked of its bodies one by one, as of any other (`MemberTransport`); the pile answers these out of
+what it asked its participant for once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.loops.loop import Outcome
+from softseam_protocol.messages.names import within
+from softseam_protocol.messages.outcomes import Status
+from softseam_protocol.messages.participant import (
+    Advance,
+    Advanced,
+    BodyState,
+    Bundle,
+    Commit,
+    Committed,
+    Configure,
+    Configured,
+    Fields,
+    Observe,
+    Release,
+    Released,
+    Reply,
+    Request,
+    Restore,
+    Restored,
+    Snapshot,
+    SnapshotTaken,
+    ToolMotion,
+)
+from softseam_protocol.messages.pile import Begun
+from softseam_protocol.participant.pile_state import join_states, split_states
+from softseam_protocol.scene.scene import Scene
+from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.participants import Participants, Tied
+from softseam_services.orchestrator.sides import Sides
+from softseam_services.orchestrator.step_warnings import Tell
+from softseam_services.orchestrator.transport import Transport
+
+Ints = NDArray[np.int32]
+
+_NONE: Ints = np.zeros(0, dtype=np.int32)
+
+
+class Pile:
+    """Bodies of these names, whole, under one model.
+
+    tell  receives the events of all
+    """
+
+    def __init__(
+        self,
+        model: str,
+        names: Sequence[str],
+        n_nodes: int,
+        bundle: Bundle,
+        scene: Scene,
+        transport: Transport,
+        clock: Clock,
+        tell: Tell,
+    ) -> None:
+        self.names, self.part = tuple(names), within("pile", model)
+        """of its bodies, in their order; id of the part that they are"""
+        self._place = {name: place for place, name in enumerate(names)}
+        self._sides = Sides(self.part, {self.part: model}, {self.part: _NONE}, {self.part: n_nodes}, _NONE)
+        self._asked_through = _ByBody(transport, names)
+        self._held = Participants(
+            *(bundle, scene, self._asked_through, clock, tell, lambda sides: None, lambda sides, name: None)
+        )
+        self.asleep = np.zeros(len(names), dtype=np.int8)
+        """1 for bodies that the next step is not asked of (b,)"""
+        self._fields: dict[tuple[bool, bool], list[Fields]] = {}
+        self._states: list[bytes] = []
+        self._to_restore: dict[int, bytes] = {}
+
+    # ---- all of them
+
+    @property
+    def _tied(self) -> Tied:
+        return self._sides, None
+
+    @property
+    def begun(self) -> Begun:
+        """The energies that the bodies began with."""
+        begun = self._asked_through.begun
+        assert begun is not None
+        return begun
+
+    def begin(self, states: Sequence[BodyState], step: int) -> None:
+        """Have the part built of bodies in these states, before a step of this number."""
+        self.asleep[:] = 0
+        self._forget()
+        self._held.stand(step)
+        self._asked_through.states = list(states)
+        self._held.configure(self._tied, None)
+
+    def restore(self, step: int) -> None:
+        """Continue from the states that its bodies were told to restore, before a step of this number."""
+        self._forget()
+        self._held.stand(step)
+        self._asked_through.states = []
+        states = [self._to_restore[place] for place in range(len(self.names))]
+        self._to_restore.clear()
+        self._held.restore(self._tied, {self.part: join_states(states)})
+
+    def release(self) -> None:
+        """Let go of it."""
+        self._held.release_all()
+
+    def _forget(self) -> None:
+        self._fields, self._states = {}, []
+
+    # ---- a step
+
+    def lay(self, asleep: Collection[str]) -> bool:
+        """Bodies of these names sleep through the next step; whether any of its own takes it."""
+        self.asleep[:] = [name in asleep for name in self.names] if asleep else 0
+        return not self.asleep.all()
+
+    @property
+    def tied(self) -> bool:
+        """Whether something ties it to others: nothing does."""
+        return False
+
+    def requests(self, motion: ToolMotion, fields: bool) -> dict[str, Request]:
+        """What its participant is asked for in a step."""
+        self._forget()
+        asked = self._held.requests(motion, fields)
+        if not self.asleep.any():
+            return asked
+        return {
+            part: replace(request, asleep=self.asleep.copy()) if isinstance(request, Advance) else request
+            for part, request in asked.items()
+        }
+
+    def taken(self, replies: Mapping[str, Reply]) -> Outcome:
+        """Its participant has answered `requests`. What is wrong with the step of a body is in its notes."""
+        reply = replies[self.part]
+        if isinstance(reply, Advanced) and reply.status is not Status.CONVERGED and reply.members is not None:
+            replies = {self.part: replace(reply, status=Status.CONVERGED, why="")}
+        return self._held.taken(replies)
+
+    def withdraw(self) -> None:
+        """Take the step back that was taken last: it failed elsewhere."""
+        self._held.withdraw()
+
+    # ---- one of them
+
+    def fields(self, name: str, indicators: bool, own: bool) -> Fields:
+        """Those of a body as it stands."""
+        key = indicators, own
+        if key not in self._fields:
+            self._fields[key] = self._held.observe(indicators, own)[self.part].bodies
+        return self._fields[key][self._place[name]]
+
+    def state(self, name: str) -> bytes:
+        """The snapshot of a body."""
+        if not self._states:
+            self._states = split_states(self._held.snapshot()[self.part])
+        return self._states[self._place[name]]
+
+    def put_back(self, name: str, state: bytes) -> None:
+        """A body is to continue from this snapshot, with all the others, see `restore`."""
+        self._to_restore[self._place[name]] = state
+
+    def place(self, name: str) -> int:
+        """Of a body among all."""
+        return self._place[name]
+
+
+class _ByBody:
+    """A transport that has a part built of several bodies."""
+
+    def __init__(self, inner: Transport, names: Sequence[str]) -> None:
+        self._inner, self._names = inner, list(names)
+        self.states: list[BodyState] = []
+        """of the bodies when they are built; empty: to be restored"""
+        self.begun: Begun | None = None
+        """what their participant said of them then"""
+
+    def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+        """See `Transport`."""
+        replies = self._inner.exchange({part: self._of_bodies(request) for part, request in requests.items()})
+        for reply in replies.values():
+            if isinstance(reply, Configured):
+                self.begun = reply.begun
+        return replies
+
+    def _of_bodies(self, request: Request) -> Request:
+        if isinstance(request, Configure):
+            return replace(request, body="", bodies=self._names, states=self.states)
+        return request
+
+    def wait_alive(self, participant: str, timeout: float) -> bool:
+        """See `Transport`."""
+        return self._inner.wait_alive(participant, timeout)
+
+    def close(self) -> None:
+        """The other belongs to somebody else."""
+
+
+class MemberTransport:
+    """How one body of a pile is asked, by itself, for what is not a step: the pile answers."""
+
+    def __init__(self, pile: Pile, name: str) -> None:
+        self._pile, self._name = pile, name
+
+    def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+        """See `Transport`. Raises ValueError for a step, which the pile takes as a whole."""
+        return {part: self._answer(request) for part, request in requests.items()}
+
+    def _answer(self, request: Request) -> Reply:
+        pile, name, header = self._pile, self._name, request.header
+        if isinstance(request, Configure):
+            begun, place = pile.begun, pile.place(name)
+            energies = float(begun.strain[place]), float(begun.kinetic[place]), float(begun.gravity[place])
+            return Configured(header, 0, 0, 1, *energies)
+        if isinstance(request, Observe):
+            return pile.fields(name, request.indicators, request.own)
+        if isinstance(request, Snapshot):
+            return SnapshotTaken(header, pile.state(name))
+        if isinstance(request, Restore):
+            pile.put_back(name, request.state)
+            return Restored(header)
+        if isinstance(request, Release):
+            return Released(header)
+        if isinstance(request, Commit):
+            return Committed(header)
+        raise ValueError(f"{name} is in a pile, which steps as a whole: it answers no {type(request).__name__}")
+
+    def wait_alive(self, participant: str, timeout: float) -> bool:
+        """See `Transport`."""
+        return True
+
+    def close(self) -> None:
+        """There is nothing to close."""

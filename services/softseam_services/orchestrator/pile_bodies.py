@@ -1,0 +1,255 @@
+"""The bodies of a pile, measured and booked in arrays: what a step did to each, without a look at each.
+
+What evolves of a body (its ledger, its losses, what its quantities remember) is here while steps are taken, and is the
+body's own again after `store`, for whoever looks at it alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.ledger import Alarm
+from softseam_coupling.ledgers import Ledgers
+from softseam_coupling.loops.loop import Outcome
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.outcomes import Status
+from softseam_protocol.messages.participant import Advanced, Fields
+from softseam_protocol.messages.pile import Members
+from softseam_protocol.messages.session import ErrorEstimate, Frame, PartReport
+from softseam_services.orchestrator.energy_balance import Entry
+from softseam_services.orchestrator.pile import Pile
+from softseam_services.orchestrator.pile_quantities import PileQuantities
+from softseam_services.orchestrator.pile_watch import PileWatch
+from softseam_services.orchestrator.program import Program
+from softseam_services.orchestrator.simulated_body import SimulatedBody
+from softseam_services.orchestrator.step_losses import ManyStepLosses
+from softseam_services.orchestrator.whereabouts import LOOK_EVERY
+from softseam_services.tools.tool_set import ToolSet
+
+Floats = NDArray[np.float64]
+
+_FREE = np.zeros((0, 3))
+_ARRAYS = [each.name for each in fields(Members) if each.name != "notes"]
+_STILL = {"tool_work": 0, "dissipated": 0, "iterations": 0, "n_substeps": 1}
+"""of bodies that sleep through a step"""
+
+
+class PileBodies:
+    """Those of one pile, b bodies between t tools.
+
+    named  all that the simulation has, by name; those of the pile are among them
+    """
+
+    def __init__(self, pile: Pile, named: Mapping[str, SimulatedBody], program: Program, tools: ToolSet) -> None:
+        self.pile, self._bodies = pile, [named[name] for name in pile.names]
+        self._n_tools = len(tools.names)
+        self._quantities = PileQuantities(self._bodies, program, tools)
+        self._watch = PileWatch(self._bodies, tools)
+        self._losses = ManyStepLosses([body.losses for body in self._bodies])
+        self._inelastic = any(body.balance.inelastic for body in self._bodies)
+        self._parts: list[tuple[str, tuple[str, str, int, int]]] = []
+
+    def begin(self) -> None:
+        """The bodies stand where they are told to: at the scene's start, or where they were saved."""
+        b, t = len(self._bodies), self._n_tools
+        none, flat, ids = np.zeros(b), np.zeros((b, 3)), np.zeros(b, dtype=np.int32)
+        self._step = Members(
+            *(none, none, none, none, none, flat, flat, none, none, none, ids, ids, ids),
+            *(np.zeros((b, t, 6)), flat, flat),
+        )
+        self._header = Header(SCHEMA_VERSION, "", self.pile.part, 0, 0, 0, 0.0)
+        self._seconds, self._awake = 0.0, np.arange(b)
+        self._shown: Sequence[Fields] = ()
+        self._alarmed: set[int] = set()
+        self._load()
+        self._watch.forget()
+        self._parts = []
+        for body in self._bodies:
+            sides = body.participants.sides
+            (name,) = sides.names
+            about = sides.body, sides.models[name], len(sides.cells[name]), sides.n_nodes[name]
+            self._parts.append((name, about))
+
+    def _load(self) -> None:
+        """Go on from what is each body's own."""
+        self._ledgers = Ledgers([body.balance.ledger for body in self._bodies], self._bodies[0].balance.limits)
+        self._told = np.zeros((2, len(self._bodies)), dtype=np.bool_)
+        self._losses.load()
+        self._quantities.load()
+
+    def store(self) -> None:
+        """Have each body know what the steps did to it."""
+        for body, ledger in zip(self._bodies, self._ledgers.states, strict=True):
+            body.balance.ledger = ledger
+        self._losses.store()
+        self._quantities.store()
+
+    # ---- one step
+
+    def take(self, outcome: Outcome | None) -> None:
+        """A step was taken: by those that are awake, as their participant says; None where all sleep."""
+        asleep = self.pile.asleep.astype(np.bool_)
+        self._awake = np.flatnonzero(~asleep)
+        reply = None if outcome is None else outcome.replies[self.pile.part]
+        self._header = self._header if reply is None else reply.header
+        self._seconds = 0.0 if reply is None else reply.seconds / max(1, len(self._awake))
+        self._shown = () if reply is None or reply.fields is None else reply.fields.bodies
+        if reply is not None and len(self._awake) == len(self._bodies):
+            assert reply.members is not None
+            self._step = reply.members
+            return
+        step = replace(self._step, **{name: getattr(self._step, name).copy() for name in _ARRAYS}, notes=[])
+        for name in _ARRAYS:
+            array = getattr(step, name)
+            array[asleep] = _STILL.get(name, array[asleep])
+            if reply is not None:
+                assert reply.members is not None
+                array[self._awake] = getattr(reply.members, name)
+        self._step = step if reply is None or reply.members is None else replace(step, notes=reply.members.notes)
+
+    def stand(self, name: str, reply: Advanced) -> None:
+        """A body sleeps, as it stood when it fell asleep."""
+        place, step = self.pile.place(name), self._step
+        self._step = replace(step, **{each: getattr(step, each).copy() for each in _ARRAYS})
+        for each in _ARRAYS:
+            row = {"low": reply.bounds[0], "high": reply.bounds[1]}.get(each)
+            getattr(self._step, each)[place] = getattr(reply, each) if row is None else row
+
+    def outcome(self, name: str) -> Outcome:
+        """What the step did to one body, as of a body by itself. Raises KeyError where the pile has no such body."""
+        place, step = self.pile.place(name), self._step
+        shown = int(np.searchsorted(self._awake, place))
+        fields_of = self._shown[shown] if len(self._shown) else None
+        part, _ = self._parts[place]
+        header = replace(self._header, part=part)
+        reply = Advanced(
+            header,
+            Status.CONVERGED,
+            _FREE,
+            np.zeros((0, 0)),
+            step.wrench[place],
+            step.kinetic.item(place),
+            step.strain.item(place),
+            step.gravity.item(place),
+            step.tool_work.item(place),
+            0.0,
+            step.momentum[place],
+            step.angular_momentum[place],
+            step.penetration.item(place),
+            step.slip.item(place),
+            step.n_contacts.item(place),
+            step.iterations.item(place),
+            self._seconds,
+            np.zeros(0),
+            np.stack((step.low[place], step.high[place])),
+            fields=fields_of,
+            n_substeps=step.n_substeps.item(place),
+            residual=step.residual.item(place),
+            dissipated=step.dissipated.item(place),
+        )
+        for note in step.notes:
+            if self._awake[note.body] == place:
+                reply = replace(reply, alarm=note.alarm, alarm_details=note.alarm_details)
+        return Outcome({part: reply}, _FREE, 0.0, 1, "")
+
+    def kinetic(self, name: str) -> float:
+        """Kinetic energy of a body [J]."""
+        return self._step.kinetic.item(self.pile.place(name))
+
+    def bounds(self, name: str) -> Floats:
+        """Of a body, lower and upper (2, 3) [m]."""
+        place = self.pile.place(name)
+        return np.stack((self._step.low[place], self._step.high[place]))
+
+    @property
+    def wrench(self) -> Floats:
+        """Of all bodies on the tools (t, 6) [N, N m]."""
+        return np.asarray(self._step.wrench.sum(axis=0))
+
+    def measure(
+        self, position: Floats, orientation: Floats, frames: Mapping[str, Frame], lifting: bool
+    ) -> dict[str, float]:
+        """Quantities of all bodies, see `SimulatedBody.measure`."""
+        if frames or not self._quantities.known:
+            return self._measure_each(position, orientation, frames, lifting)
+        return self._quantities.measure(self._step, position, orientation, lifting)
+
+    def _measure_each(
+        self, position: Floats, orientation: Floats, frames: Mapping[str, Frame], lifting: bool
+    ) -> dict[str, float]:
+        """The same with those that need a look at the fields."""
+        self._quantities.store()
+        found: dict[str, float] = {}
+        for name, body, wrench in zip(self.pile.names, self._bodies, self._step.wrench, strict=True):
+            replies = self.outcome(name).replies
+            found |= body.measure(replies, wrench, position, orientation, frames.get(name), lifting)
+        self._quantities.load()
+        return found
+
+    def book(self, step_number: int, command: Floats, dt: float) -> Entry:
+        """Enter the step into the balances, with what the tools' motion (t, 6) [m/s, rad/s] over dt [s] put in; tell of
+        what begins in it."""
+        step = self._step
+        energies = np.stack((step.kinetic, step.strain, step.gravity), axis=1)
+        drive_work = 0.0 - dt * np.einsum("btc,tc->b", step.wrench, command)
+        dissipation, alarms = self._ledgers.step(energies, step.tool_work, drive_work - step.tool_work, step.dissipated)
+        touches = np.asarray(step.wrench.any(axis=(1, 2)))
+        for place, told in self._losses.follow(step.kinetic, step.strain, dissipation, touches, drive_work).items():
+            self._bodies[place].tell("damped", f"step {step_number}: {told}")
+        self._raised: dict[int, list[Alarm]] = {}
+        for known, (alarm, raised) in zip(self._told, alarms.items(), strict=True):
+            for place in np.flatnonzero(raised & ~known).tolist():
+                self._raised.setdefault(place, []).append(alarm)
+            known |= raised
+        sums = energies.sum(axis=0).tolist()
+        energy = {
+            **dict(zip(("kinetic", "strain", "gravity"), sums, strict=True)),
+            "tool_work": float(step.tool_work.sum()),
+            "seam_work": 0.0,
+            "dissipation": float(dissipation.sum()),
+            "switch": 0.0,
+            **({"material": float(step.dissipated.sum())} if self._inelastic else {}),
+        }
+        momentum, angular = step.momentum.sum(axis=0), step.angular_momentum.sum(axis=0)
+        deepest = float(step.penetration.max(initial=0.0))
+        return Entry(self._reports(energies), {}, energy, momentum, angular, deepest, float(drive_work.sum()))
+
+    def _reports(self, energies: Floats) -> dict[str, PartReport]:
+        """Of the part that each body would be by itself."""
+        step, seconds = self._step, np.zeros(len(self._bodies))
+        seconds[self._awake] = self._seconds
+        rows = zip(
+            *(self._parts, energies.tolist(), step.iterations.tolist(), seconds.tolist(), step.n_substeps.tolist()),
+            strict=True,
+        )
+        return {part: PartReport(*about, *own, *rest) for (part, about), own, *rest in rows}
+
+    def notify(self, step_number: int, estimates: Mapping[str, ErrorEstimate]) -> None:
+        """Tell what of the step is worth an event."""
+        alarmed = {int(self._awake[note.body]) for note in self._step.notes if note.alarm}
+        odd = alarmed | self._alarmed | self._raised.keys()
+        for note in self._step.notes:
+            if note.status is not Status.CONVERGED:
+                place = int(self._awake[note.body])
+                part, about = self._parts[place]
+                self._bodies[place].tell("solver", f"step {step_number}, {part} ({about[1]}): {note.why}")
+        for place, (name, body) in enumerate(zip(self.pile.names, self._bodies, strict=True)):
+            if place in odd or name in estimates or step_number == 0:
+                raised = self._raised.get(place, ())
+                body.warnings.follow(step_number, self.outcome(name).replies, raised, estimates.get(name))
+        self._alarmed = alarmed
+
+    def watch(self, step_number: int, position: Floats, orientation: Floats) -> None:
+        """Tell what became of the bodies by now, see `SimulatedBody.watch`."""
+
+        def look_at(place: int) -> None:
+            replies = self.outcome(self.pile.names[place]).replies
+            self._bodies[place].look_around(step_number, replies, self._step.wrench[place], position, orientation)
+
+        self._watch.look(self._step, position, orientation, look_at)
+        if (step_number + 1) % LOOK_EVERY == 0:
+            self._watch.look_for_creep(step_number, self._step, position, orientation)

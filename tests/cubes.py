@@ -1,0 +1,59 @@
+"""Scenes of cubes that do not touch: what a pile of whole XPBD bodies is measured and checked with."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from softseam_protocol.scene.scene import Scene
+
+EDGE = 0.05
+"""of a cube [m]"""
+GROUND = {"ground": {"kind": "plane", "friction": 0.5}}
+
+
+def cube(at: int, side: int, cells: int = 2, **keys: Any) -> dict[str, Any]:
+    """One cube of cells^3, a little above the ground, in a square of them; keys of the body in place of these."""
+    return {
+        "shape": {"kind": "block", "size": [EDGE] * 3},
+        "cell": EDGE / cells,
+        "position": [2.0 * EDGE * (at % side), 2.0 * EDGE * (at // side), 0.003],
+        "material": {"kind": "neo_hookean", "young": 2.0e4, "poisson": 0.45, "density": 1050.0},
+        "regions": {"default": "pbd"},
+        **keys,
+    }
+
+
+def scene_of(bodies: dict[str, dict[str, Any]], **keys: Any) -> Scene:
+    """A scene of these bodies on the ground."""
+    named = {"softseam": 1, "name": "cubes", "step": 0.005, "duration": 0.6, "tools": GROUND}
+    return Scene.model_validate({**named, "bodies": bodies, **keys})
+
+
+def cubes(count: int, cells: int = 2, **keys: Any) -> Scene:
+    """So many of them."""
+    side = max(1, round(count**0.5))
+    return scene_of({f"cube{at}": cube(at, side, cells) for at in range(count)}, **keys)
+
+
+def unlike(**keys: Any) -> Scene:
+    """Four bodies of unlike sizes, materials, substeps: one is gripped and lifted, one falls, one spins, one slides."""
+    plate = {"kind": "box", "size": [0.01, 0.05, 0.04], "friction": 0.6}
+    hard = {"kind": "neo_hookean", "young": 2.0e5, "poisson": 0.3, "density": 500.0}
+    soft = {"kind": "linear", "young": 1.0e4, "poisson": 0.4, "density": 1000.0}
+    bodies = {
+        "held": cube(0, 4, position=[0.0, 0.0, 0.0]),
+        "hard": cube(1, 4, 3, material=hard, position=[0.2, 0.0, 0.004]),
+        "turns": cube(2, 4, cell=0.02, shape={"kind": "block", "size": [0.02, 0.04, 0.02]}, position=[0.4, 0.0, 0.3]),
+        "slides": cube(3, 4, material=soft, position=[0.6, 0.0, 0.0], velocity=[0.3, 0.0, 0.0]),
+    }
+    bodies["turns"]["spin"] = [0.0, 20.0, 5.0]
+    tools = {
+        **GROUND,
+        "left": {**plate, "position": [-0.035, 0, 0.025]},
+        "right": {**plate, "position": [0.035, 0, 0.025]},
+    }
+    motion = [
+        {"tools": ["left", "right"], "close": 0.05, "until": {"compression": 0.1}},
+        {"tools": ["left", "right"], "move": [0, 0, 0.01], "speed": 0.1},
+    ]
+    return scene_of(bodies, tools=tools, motion=motion, duration=None, **keys)

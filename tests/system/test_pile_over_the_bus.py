@@ -1,0 +1,57 @@
+"""A pile over the bus: the same bits as in one process, though its participant is killed or frozen meanwhile."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+from cubes import cubes, unlike
+from real_services import READY, Services
+from trajectory import first_difference, same_frame
+
+from softseam.connected import ConnectedBackend
+from softseam_protocol.bus.client import Bus
+from softseam_protocol.scene.file import bundle_scene
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.simulation import Simulation
+
+pytestmark = pytest.mark.slow
+
+STEPS = 60
+
+
+@pytest.mark.parametrize("number", [0, signal.SIGKILL, signal.SIGSTOP])
+def test_a_pile_is_the_same_over_the_bus(services: Services, bus: Bus, number: int) -> None:
+    """Four bodies between tools, one of which is gripped: reports and last frames, bit for bit."""
+    bundle = bundle_scene(unlike())
+    simulation = Simulation(bundle, EmbeddedTransport())
+    wanted = [simulation.step(fields=n == STEPS - 1) for n in range(STEPS)]
+    frames = simulation.frames()
+    simulation.close()
+    backend, reports = ConnectedBackend(bundle, services.endpoint, record=False, timeout=READY), []
+    events = []
+    try:
+        backend.reset(0)
+        for step in range(STEPS):
+            if number and step == 30:
+                os.kill(services.children.pid("pbd"), number)
+            observation = backend.step(1, None, step == STEPS - 1)
+            reports.append(observation.report)
+            events += observation.events
+    finally:
+        backend.close()
+    assert first_difference(wanted, reports) == ""
+    assert all(same_frame(frame, observation.frames[name]) for name, frame in frames.items())
+    assert bool(number) == any(event.kind == "participant_restored" for event in events)
+
+
+def test_more_bodies_than_a_service_keeps_parts(services: Services, bus: Bus) -> None:
+    """80 bodies are one part: none is given up for another."""
+    backend = ConnectedBackend(bundle_scene(cubes(80)), services.endpoint, record=False, timeout=READY)
+    try:
+        backend.reset(0)
+        seen = backend.step(5, None, True)
+    finally:
+        backend.close()
+    assert len(seen.frames) == len(seen.report.parts) == 80 and not seen.events
