@@ -27,11 +27,10 @@ _TIME, _LOOKS = 0.6, 6
 """for which, and looks at which it was so at least, a body moves steadily [s]"""
 _STEADY = 0.25
 """by which ways between two looks differ from their mean, and those of its lower ends from those of its upper [1]"""
-_TREND = 0.05
+TREND = 0.05
 """by which the later half of its way differs from the earlier: by more, it gains or loses speed [1]"""
 _WAY = 1e-3
 """of the body's extent: less in all is no way"""
-LEAST_WAY = 0.5 * _WAY
 _ROLLS = 0.25
 """of mass, speed and half the extent: a ball that rolls has a spin of 0.4 of it, a cylinder of 0.5"""
 _SLOW = 0.2
@@ -96,6 +95,16 @@ class Creep:
         """In a row, that it takes to know."""
         return self._seen.maxlen or 0
 
+    @property
+    def least_way(self) -> float:
+        """That it goes at least in that time [m]."""
+        return _WAY * self._size
+
+    @property
+    def longest_way(self) -> float:
+        """That it goes in that time at most: what goes faster does not creep [m]."""
+        return 1.001 * self._most * self._dt * (self.n_looks - 1)
+
     def look_back(self, step: int, looks: Iterable[tuple[Floats, Floats, Floats, bool]]) -> None:
         """As many looks as it takes, at tools that stood still: bounds (2, 3) [m], momentum (3,) [kg m/s], angular
         momentum (3,) [kg m^2/s], and whether the body touched anything."""
@@ -126,7 +135,7 @@ class Creep:
     def _speed(self) -> float:
         """Speed at which it creeps [m/s]; 0 where it does not."""
         seen = self._seen
-        if np.abs(seen[-1].bounds - seen[0].bounds).max() < LEAST_WAY * self._size:
+        if np.abs(seen[-1].bounds - seen[0].bounds).max() < 0.5 * _WAY * self._size:
             return 0.0  # nearly always
         ways = np.diff([each.bounds for each in seen], axis=0)  # (n, 2, 3)
         mean = ways.mean(axis=(0, 1))
@@ -140,4 +149,4 @@ class Creep:
         spin = float(np.linalg.norm(np.mean([each.spin for each in seen], axis=0)))
         touches = 2 * sum(each.touches for each in seen) >= len(seen)
         rolls = spin > _ROLLS * self._mass * speed * 0.5 * self._size
-        return speed if steady and trend < _TREND * way and touches and not rolls else 0.0
+        return speed if steady and trend < TREND * way and touches and not rolls else 0.0

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.pile import Members
-from softseam_services.orchestrator.creep import LEAST_WAY
+from softseam_services.orchestrator.creep import TREND
 from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.whereabouts import FAR
 from softseam_services.shapes.branches import PLANE
@@ -23,6 +23,9 @@ from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+_SLACK = 0.999
+"""by which sums in another order may differ [1]"""
 
 
 class PileWatch:
@@ -35,6 +38,8 @@ class PileWatch:
         held = [set(body.whereabouts.holding) - set(self._planes.tolist()) for body in bodies]
         self._by_plates = np.array([bool(each) for each in held], dtype=np.bool_)  # which are looked at every time
         self._size = np.array([body.whereabouts.size for body in bodies])
+        self._way = np.array([body.creep.least_way for body in bodies])
+        self._longest = np.array([body.creep.longest_way for body in bodies])
         begun = np.array([body.whereabouts.begun for body in bodies])
         self._low, self._high = begun[:, 0], begun[:, 1]
         self.forget()
@@ -67,11 +72,9 @@ class PileWatch:
             self._steps.clear()
             return
         self._steps.append(step)
-        first = self._steps[0]
         if len(self._steps) < (self._steps.maxlen or 0):
             return
-        way = np.maximum(np.abs(step.low - first.low), np.abs(step.high - first.high)).max(axis=1)
-        for place in np.flatnonzero(way >= LEAST_WAY * self._size).tolist():
+        for place in np.flatnonzero(self._may_creep()).tolist():
             looks = [
                 (
                     np.stack((one.low[place], one.high[place])),
@@ -82,6 +85,16 @@ class PileWatch:
                 for one in self._steps
             ]
             self._bodies[place].creep.look_back(step_number, looks)
+
+    def _may_creep(self) -> Mask:
+        """Bodies that came far enough at the latest looks, not too fast, and as far in the later half as in the earlier
+        (b,); see `Creep`, which has the last word."""
+        places = np.array([(each.low + each.high) for each in self._steps]) / 2.0
+        n, half = len(places) - 1, (len(places) - 1) // 2
+        way = np.linalg.norm(places[-1] - places[0], axis=1)
+        later, earlier = places[-1] - places[-1 - half], places[half] - places[0]
+        trend = np.linalg.norm(later - earlier, axis=1) / max(1, half)
+        return np.asarray((way > _SLACK * self._way) & (way < self._longest) & (_SLACK * trend < TREND * way / n))
 
     def _behind(self, middle: Floats, position: Floats, orientation: Floats) -> Mask:
         """Bodies whose middle has come from one side of a plane to the other, or is in it (b,)."""
