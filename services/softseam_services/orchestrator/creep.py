@@ -103,7 +103,7 @@ class Creep:
     @property
     def longest_way(self) -> float:
         """That it goes in that time at most: what goes faster does not creep [m]."""
-        return 1.001 * self._most * self._dt * (self.n_looks - 1)
+        return self._most * self._dt * (self.n_looks - 1)
 
     def look_back(self, step: int, looks: Iterable[tuple[Floats, Floats, Floats, bool]]) -> None:
         """As many looks as it takes, at tools that stood still: bounds (2, 3) [m], momentum (3,) [kg m/s], angular

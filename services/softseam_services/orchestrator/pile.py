@@ -41,7 +41,7 @@ from softseam_protocol.participant.pile_state import join_states, split_states
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.participants import Participants, Tied
-from softseam_services.orchestrator.sides import Sides
+from softseam_services.orchestrator.parts import Parts
 from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.orchestrator.transport import Transport
 
@@ -53,7 +53,7 @@ _NONE: Ints = np.zeros(0, dtype=np.int32)
 class Pile:
     """Bodies of these names, whole, under one model.
 
-    tell  receives the events of all
+    report  receives the events of all
     """
 
     def __init__(
@@ -65,15 +65,15 @@ class Pile:
         scene: Scene,
         transport: Transport,
         clock: Clock,
-        tell: Tell,
+        report: Tell,
     ) -> None:
         self.names, self.part = tuple(names), within("pile", model)
         """of its bodies, in their order; id of the part that they are"""
         self._place = {name: place for place, name in enumerate(names)}
-        self._sides = Sides(self.part, {self.part: model}, {self.part: _NONE}, {self.part: n_nodes}, _NONE)
+        self._alone = Parts(self.part, {self.part: model}, {self.part: _NONE}, {self.part: n_nodes}, _NONE)
         self._asked_through = _ByBody(transport, names)
         self._held = Participants(
-            *(bundle, scene, self._asked_through, clock, tell, lambda sides: None, lambda sides, name: None)
+            *(bundle, scene, self._asked_through, clock, report, lambda parts: None, lambda parts, name: None)
         )
         self.asleep = np.zeros(len(names), dtype=np.int8)
         """1 for bodies that the next step is not asked of (b,)"""
@@ -85,7 +85,7 @@ class Pile:
 
     @property
     def _tied(self) -> Tied:
-        return self._sides, None
+        return self._alone, None
 
     @property
     def begun(self) -> Begun:
@@ -103,7 +103,7 @@ class Pile:
         self._held.configure(self._tied, None)
 
     def restore(self, step: int) -> None:
-        """Continue from the states that its bodies were told to restore, before a step of this number."""
+        """Continue from the states that its bodies were given, before a step of this number."""
         self._forget()
         self._held.stand(step)
         self._asked_through.states = []

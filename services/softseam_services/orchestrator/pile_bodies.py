@@ -47,14 +47,14 @@ class PileBodies:
     def __init__(self, pile: Pile, named: Mapping[str, SimulatedBody], program: Program, tools: ToolSet) -> None:
         self.pile, self._bodies = pile, [named[name] for name in pile.names]
         self._n_tools = len(tools.names)
-        self._quantities = PileQuantities(self._bodies, program, tools)
+        self._quantities = PileQuantities(self._bodies, program)
         self._watch = PileWatch(self._bodies, tools)
         self._losses = ManyStepLosses([body.losses for body in self._bodies])
         self._inelastic = any(body.balance.inelastic for body in self._bodies)
         self._parts: list[tuple[str, tuple[str, str, int, int]]] = []
 
     def begin(self) -> None:
-        """The bodies stand where they are told to: at the scene's start, or where they were saved."""
+        """The bodies stand where they are put: at the scene's start, or where they were saved."""
         b, t = len(self._bodies), self._n_tools
         none, flat, ids = np.zeros(b), np.zeros((b, 3)), np.zeros(b, dtype=np.int32)
         self._step = Members(
@@ -69,9 +69,9 @@ class PileBodies:
         self._watch.forget()
         self._parts = []
         for body in self._bodies:
-            sides = body.participants.sides
-            (name,) = sides.names
-            about = sides.body, sides.models[name], len(sides.cells[name]), sides.n_nodes[name]
+            parts = body.participants.parts
+            (name,) = parts.names
+            about = parts.body, parts.models[name], len(parts.cells[name]), parts.n_nodes[name]
             self._parts.append((name, about))
 
     def _load(self) -> None:
@@ -191,15 +191,15 @@ class PileBodies:
         return found
 
     def book(self, step_number: int, command: Floats, dt: float) -> Entry:
-        """Enter the step into the balances, with what the tools' motion (t, 6) [m/s, rad/s] over dt [s] put in; tell of
-        what begins in it."""
+        """Enter the step into the balances, with what the tools' motion (t, 6) [m/s, rad/s] over dt [s] put in, and
+        report what begins in it."""
         step = self._step
         energies = np.stack((step.kinetic, step.strain, step.gravity), axis=1)
         drive_work = 0.0 - dt * np.einsum("btc,tc->b", step.wrench, command)
         dissipation, alarms = self._ledgers.step(energies, step.tool_work, drive_work - step.tool_work, step.dissipated)
         touches = np.asarray(step.wrench.any(axis=(1, 2)))
-        for place, told in self._losses.follow(step.kinetic, step.strain, dissipation, touches, drive_work).items():
-            self._bodies[place].tell("damped", f"step {step_number}: {told}")
+        for place, said in self._losses.follow(step.kinetic, step.strain, dissipation, touches, drive_work).items():
+            self._bodies[place].report("damped", f"step {step_number}: {said}")
         self._raised: dict[int, list[Alarm]] = {}
         for known, (alarm, raised) in zip(self._told, alarms.items(), strict=True):
             for place in np.flatnonzero(raised & ~known).tolist():
@@ -229,14 +229,14 @@ class PileBodies:
         return {part: PartReport(*about, *own, *rest) for (part, about), own, *rest in rows}
 
     def notify(self, step_number: int, estimates: Mapping[str, ErrorEstimate]) -> None:
-        """Tell what of the step is worth an event."""
+        """Report what of the step is worth an event."""
         alarmed = {int(self._awake[note.body]) for note in self._step.notes if note.alarm}
         odd = alarmed | self._alarmed | self._raised.keys()
         for note in self._step.notes:
             if note.status is not Status.CONVERGED:
                 place = int(self._awake[note.body])
                 part, about = self._parts[place]
-                self._bodies[place].tell("solver", f"step {step_number}, {part} ({about[1]}): {note.why}")
+                self._bodies[place].report("solver", f"step {step_number}, {part} ({about[1]}): {note.why}")
         for place, (name, body) in enumerate(zip(self.pile.names, self._bodies, strict=True)):
             if place in odd or name in estimates or step_number == 0:
                 raised = self._raised.get(place, ())
@@ -244,7 +244,7 @@ class PileBodies:
         self._alarmed = alarmed
 
     def watch(self, step_number: int, position: Floats, orientation: Floats) -> None:
-        """Tell what became of the bodies by now, see `SimulatedBody.watch`."""
+        """Report what became of the bodies by now, see `SimulatedBody.watch`."""
 
         def look_at(place: int) -> None:
             replies = self.outcome(self.pile.names[place]).replies

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from softseam_protocol.messages.pile import Members
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.simulated_body import SimulatedBody
-from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
 
@@ -53,8 +52,8 @@ class PileQuantities:
     program  of the tools
     """
 
-    def __init__(self, bodies: Sequence[SimulatedBody], program: Program, tools: ToolSet) -> None:
-        self._bodies, self._program, self._near = bodies, program, np.asarray(tools.near, dtype=np.bool_)
+    def __init__(self, bodies: Sequence[SimulatedBody], program: Program) -> None:
+        self._bodies, self._program = bodies, program
         rests = [body.quantities.rest for body in bodies]
         self._weight = np.array([rest.weight for rest in rests])
         self._bottom = np.array([rest.bottom for rest in rests])
@@ -86,7 +85,7 @@ class PileQuantities:
         height = step.gravity / self._weight if self._weight.all() else step.low[:, 2] - self._bottom
         if not lifting:
             self._base = height
-        felt = np.asarray(step.wrench[:, self._near].any(axis=(1, 2)))
+        felt = np.asarray(step.wrench[:, self._bodies[0].felt_tools].any(axis=(1, 2)))
         self._slip = np.where(felt & ((step.slip > 0.0) | ~self._felt), step.slip, self._slip)
         self._felt = felt
         grip_force, compression = self._of_grip(step, position, orientation)

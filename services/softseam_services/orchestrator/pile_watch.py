@@ -1,8 +1,8 @@
-"""What becomes of the bodies of a pile: those of which there may be something to tell are looked at one by one.
+"""What becomes of the bodies of a pile: those of which there may be something to say are looked at one by one.
 
 Nearly always there is nothing: no body went behind what holds it, is far from everything, has an idle tool in its box,
 or creeps. That is found in arrays of b bodies and t tools, by the bounds that `whereabouts`, `pierced` and `creep` go
-by; what is told is theirs.
+by; the words are theirs.
 """
 
 from __future__ import annotations
@@ -23,9 +23,6 @@ from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-_SLACK = 0.999
-"""by which sums in another order may differ [1]"""
 
 
 class PileWatch:
@@ -53,7 +50,7 @@ class PileWatch:
 
     def look(self, step: Members, position: Floats, orientation: Floats, look_at: Callable[[int], None]) -> None:
         """A step was taken, at whose end the tools have these poses (t, 3) [m], (t, 4): look at the bodies of those
-        places of which something may be told but that they creep."""
+        places of which there may be something to say but that they creep."""
         middle = 0.5 * (step.low + step.high)
         odd = self._behind(middle, position, orientation) | self._by_plates | ~np.isfinite(middle).all(axis=1)
         odd |= self._idle_inside(step, position)
@@ -94,7 +91,7 @@ class PileWatch:
         way = np.linalg.norm(places[-1] - places[0], axis=1)
         later, earlier = places[-1] - places[-1 - half], places[half] - places[0]
         trend = np.linalg.norm(later - earlier, axis=1) / max(1, half)
-        return np.asarray((way > _SLACK * self._way) & (way < self._longest) & (_SLACK * trend < TREND * way / n))
+        return np.asarray((way > self._way) & (way < self._longest) & (trend < TREND * way / n))
 
     def _behind(self, middle: Floats, position: Floats, orientation: Floats) -> Mask:
         """Bodies whose middle has come from one side of a plane to the other, or is in it (b,)."""

@@ -20,7 +20,7 @@ def piles_of(setups: Mapping[str, Setup], apart: Collection[str]) -> dict[str, t
     found: dict[str, list[str]] = {}
     for name, setup in setups.items():
         regions = setup.scene.regions
-        cut = regions.near is not None or regions.goal is not None
-        if setup.body.has_cells and not cut and name not in apart and facts_of(regions.far).piles:
-            found.setdefault(regions.far, []).append(name)
+        model, whole = regions.default, not regions.cut and regions.goal is None
+        if model and setup.body.has_cells and whole and name not in apart and facts_of(model).piles:
+            found.setdefault(model, []).append(name)
     return {model: tuple(names) for model, names in found.items() if len(names) > 1}

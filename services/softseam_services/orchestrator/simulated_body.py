@@ -120,12 +120,17 @@ class SimulatedBody:
         return self._quantities
 
     @property
+    def felt_tools(self) -> list[int]:
+        """Tools whose touch counts for its slip."""
+        return self._near
+
+    @property
     def prefix(self) -> str:
         """Of its quantities' names."""
         return self._prefix
 
-    def tell(self, kind: str, message: str) -> None:
-        """Tell an event of this body."""
+    def report(self, kind: str, message: str) -> None:
+        """Make an event of this body."""
         self._tell(kind, message)
 
     # ---- one step

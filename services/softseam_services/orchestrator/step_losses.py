@@ -151,7 +151,7 @@ class ManyStepLosses:
     def follow(
         self, kinetic: Floats, strain: Floats, dissipation: Floats, touches: Mask, drive_work: Floats
     ) -> dict[int, str]:
-        """A step was taken by all, see `StepLosses.follow`; what is to be told, by the place of the body."""
+        """A step was taken by all, see `StepLosses.follow`; what is to be said, by the place of the body."""
         self._touched |= touches
         self._taken += dissipation
         np.maximum(self._largest, kinetic + strain, out=self._largest)
@@ -161,14 +161,14 @@ class ManyStepLosses:
         self._lost += np.where(touches, dissipation, 0.0)
         self._came[touches & (drive_work != 0.0)] = 0.0
         ends = (self._came > 0.0) & (~touches | (kinetic < _REST * self._came)) & self._watches
-        told = {}
+        said = {}
         for place in np.flatnonzero(ends).tolist():
             share = float(self._lost[place] / self._came[place])
             self._came[place] = 0.0
             if share > max(LIMIT, self._worst[place]):
                 self._worst[place] = share
                 self.store()
-                told[place] = self._each[place].last
+                said[place] = self._each[place].last
         self._free = np.where(touches, self._free, kinetic)
         self._touches = touches.copy()
-        return told
+        return said

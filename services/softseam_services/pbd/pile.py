@@ -101,7 +101,7 @@ class PileSolver:
         asleep = request.asleep.astype(np.bool_) if len(request.asleep) else np.zeros(len(self.pieces), np.bool_)
         refused = problem_of(request, self._n_tools, 0)
         if len(asleep) != len(self.pieces):
-            refused = f"the pile has {len(self.pieces)} bodies: asleep tells of {len(asleep)}"
+            refused = f"the pile has {len(self.pieces)} bodies: asleep is of {len(asleep)}"
         if refused:
             raise ValueError(refused)
         self._fit(request.dt)
@@ -171,13 +171,13 @@ class PileSolver:
             cause = note[of_pile.CAUSE]
             why = watch.GROWS if cause == of_pile.LAGGED else watch.FAULTS[cause].value.split(":")[0]
             counts = note[of_pile.ATTEMPT], note[of_pile.SUBSTEPS], note[of_pile.SWEEPS], note[of_pile.UNFINISHED]
-            told = watch.alarm(why, self._all.results[number], before.monitor, *counts)
+            said = watch.alarm(why, self._all.results[number], before.monitor, *counts)
             if note[of_pile.HALVED]:
-                told[Detail.SHORTER] = watch.GAINS
+                said[Detail.SHORTER] = watch.GAINS
             if fault is watch.Fault.DIVERGED:
                 piece.scratch.next = piece.states[1 - self._now]
                 stay(piece.parameters, before, piece.scratch)
-            found[number] = fault, told
+            found[number] = fault, said
         return found
 
     @property

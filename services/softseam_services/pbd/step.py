@@ -248,10 +248,10 @@ def attempt(
     return n_substeps, n_sweeps
 
 
-def place_tools(told: Inputs, tools: ToolMotion) -> None:
+def place_tools(inputs: Inputs, tools: ToolMotion) -> None:
     """Poses to where kernels find them."""
-    told.position[:], told.orientation[:] = tools.position, tools.orientation
-    told.position_next[:], told.orientation_next[:] = tools.position_next, tools.orientation_next
+    inputs.position[:], inputs.orientation[:] = tools.position, tools.orientation
+    inputs.position_next[:], inputs.orientation_next[:] = tools.position_next, tools.orientation_next
 
 
 def _tell(model: PbdModel, inputs: StepInputs, n_substeps: int, scratch: StepScratch) -> None:
