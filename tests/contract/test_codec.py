@@ -172,11 +172,11 @@ def test_an_absent_array_means_its_default() -> None:
         appended = [field for field in FIELDS[cls] if field.is_array and field.make_default is not None]
         assert appended
         for field in appended:
-            full = tuple(2 if n is None else n for n in field.of.shape)
-            told = encode(dataclasses.replace(message, **{field.name: np.ones(full)}))
+            full = np.ones(tuple(2 if n is None else n for n in field.of.shape), dtype=field.of.dtype)
+            told = encode(dataclasses.replace(message, **{field.name: full}))
             wire = protobuf_class(cls.__name__).FromString(told)
             assert wire.HasField(field.name)
-            assert same(getattr(decode(told, cls), field.name), np.ones(full))
+            assert same(getattr(decode(told, cls), field.name), full)
             wire.ClearField(field.name)
             assert same(getattr(decode(wire.SerializeToString(), cls), field.name), field.make_default())
             # and an empty default is not sent at all

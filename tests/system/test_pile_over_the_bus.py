@@ -18,7 +18,8 @@ from softseam_services.orchestrator.simulation import Simulation
 
 pytestmark = pytest.mark.slow
 
-STEPS = 60
+STEPS = 45
+"""within the motion of the tools"""
 
 
 @pytest.mark.parametrize("number", [0, signal.SIGKILL, signal.SIGSTOP])
