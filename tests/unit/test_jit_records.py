@@ -12,7 +12,7 @@ import pytest
 from numba import njit
 from numpy.typing import NDArray
 
-from softseam_services.jit import record
+from softseam_services.jit import Rows, record
 
 
 @record
@@ -86,7 +86,7 @@ KERNEL = """
 from typing import NamedTuple
 import numpy as np
 from numba import njit
-from softseam_services.jit import record
+from softseam_services.jit import Rows, record
 
 @record
 class TwoThreads(NamedTuple):
@@ -112,3 +112,31 @@ def test_kernels_of_records_come_from_the_cache(tmp_path: Path) -> None:
         for _ in range(2)
     ]
     assert runs == [["6.5", "0"], ["6.5", "1"]]
+
+
+@record
+class Cell(NamedTuple):
+    """One row."""
+
+    x: NDArray[np.float64]
+    factor: float
+
+
+@njit(cache=False, error_model="numpy")
+def scaled(rows: Any, which: Any) -> None:
+    """x <- factor x of these rows."""
+    for row in which:
+        for i in range(len(rows[row].x)):
+            rows[row].x[i] *= rows[row].factor
+
+
+def test_rows_of_records_are_taken_by_place() -> None:
+    """Kernels change the arrays of the rows that they are to, whatever their lengths; rows of two types are refused."""
+    arrays = [np.ones(n + 1) for n in range(3)]
+    rows = Rows([Cell(x, 2.0 + n) for n, x in enumerate(arrays)])
+    scaled(rows, np.array([2, 0]))
+    scaled(rows, np.array([2]))
+    assert [x.tolist() for x in arrays] == [[2.0], [1.0, 1.0], [16.0] * 3]
+    assert len(rows) == 3 and rows[1].x is arrays[1]
+    with pytest.raises(TypeError, match="one type"):
+        Rows([Cell(np.ones(1), 1.0), Cell(np.ones((1, 1)), 1.0)])
