@@ -204,3 +204,19 @@ def test_what_is_no_pile_is_refused() -> None:
             transport.exchange({"pile": Restore(header, wrong)})
     again = transport.exchange({"pile": Snapshot(replace(header, exchange=1))})["pile"]
     assert isinstance(again, SnapshotTaken) and again.state == taken.state
+
+
+def test_another_scene_takes_the_pile_over() -> None:
+    """Another number of bodies in the same part; then one body, which is no pile, and the part is let go."""
+    transport = EmbeddedTransport()
+    sim = simulation(cubes(3), transport)
+    run(sim, 4)
+    for count in (4, 1, 2):
+        sim = sim.with_scene(bundle_scene(cubes(count)))
+        reports, frames = run(sim, 6)
+        own = simulation(cubes(count))
+        expected, others = run(own, 6)
+        assert [parts(one) for one in reports] == [parts(one) for one in expected]
+        assert all(same(frames[name], others[name]) for name in frames)
+        own.close()
+    sim.close()
