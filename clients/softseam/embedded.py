@@ -230,26 +230,19 @@ def surfaces_of(bundle: Bundle, seed: int) -> Mapping[str, SurfaceMesh]:
 
 
 def compiled(scene: Scene, build: Callable[[], Simulation]) -> Simulation:
-    """A simulation with all compiled that its steps will need, so that no step waits for it.
-
-    What no process has compiled yet on this machine is compiled beside the building: of each body the first model that
-    it may have, and once it is known which it has, these alone.
-    """
+    """A simulation with all compiled that its steps will need. Beside the building what no process has compiled yet on
+    this machine is: of each body the first model that it may have, and once it is known which it has, these alone."""
     from softseam_services.warm_up import Beside, load_kernels
 
     with Beside() as beside:
         first = {_first_model(scene.of(name)) for name, body in scene.bodies.items() if body.has_cells}
-        begun = beside.begin(first, "--whole")
-        if begun and sys.stderr.isatty():
+        if beside.begin(first, "--whole") and sys.stderr.isatty():
             print("compiling the solvers for this machine, once: half a minute or so", file=sys.stderr)
         simulation = build()
         needed: dict[str, Scene] = {}
-        for body in simulation.bodies.values():
-            if body.body.has_cells:
-                models = {*body.participants.parts.models.values()}
-                if body.scene.regions.goal is not None:
-                    models |= {*that(lambda facts: facts.gives_derivatives)}
-                needed |= dict.fromkeys(models, body.scene)
+        for body in (each for each in simulation.bodies.values() if each.body.has_cells):
+            derives = () if body.scene.regions.goal is None else that(lambda facts: facts.gives_derivatives)
+            needed |= dict.fromkeys([*body.participants.parts.models.values(), *derives], body.scene)
         beside.begin(needed)
         beside.wait(needed)
         for model, one in needed.items():
@@ -259,18 +252,15 @@ def compiled(scene: Scene, build: Callable[[], Simulation]) -> Simulation:
 
 def _first_model(scene: OneBody) -> ModelKind:
     """The model of near cells where there are such, else that of all."""
-    _, near = candidates(scene)[0].regions.models
+    near = candidates(scene)[0].regions.models[1]
     assert near is not None  # candidates name one
     return near
 
 
 def compile_models(models: Iterable[ModelKind]) -> None:
-    """Compile of these models what no process has compiled yet on this machine. Raises SoftseamError where the
-    solvers are not installed."""
-    try:
+    """Compile of these models what no process has compiled yet on this machine. Raises MissingExtra."""
+    with translated(purpose=SIMULATING):
         from softseam_services.warm_up import Beside
-    except ImportError as error:
-        raise missing_extra(error, SIMULATING) from error
     with Beside() as beside:
         if beside.begin(models) and sys.stderr.isatty():
             print("compiling the solvers for this machine, once: a minute or so", file=sys.stderr)

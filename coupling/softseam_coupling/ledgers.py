@@ -1,7 +1,5 @@
 """Where every joule went in many bodies at once: `ledger` in arrays of b bodies that nothing ties, cuts or switches."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -13,10 +13,10 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
-import softseam_services.pbd.pile as piles
 from softseam_protocol.scene.file import bundle_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.pbd.kernels import pile
 from softseam_services.pbd.two_threads import TwoThreads
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -61,7 +61,7 @@ def measure(count: int, cells: int, clock: Clock) -> tuple[float, float]:
 
 def main(cells: int) -> None:
     clock = Clock()
-    piles.of_pile.advance_bodies = clock.timed(piles.of_pile.advance_bodies)
+    pile.advance_bodies = clock.timed(pile.advance_bodies)
     TwoThreads.run = clock.timed(TwoThreads.run)  # type: ignore[method-assign]
     for count in COUNTS:
         spent, kernels = measure(count, cells, clock)

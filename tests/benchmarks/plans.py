@@ -68,8 +68,8 @@ def timed(study: Study, one: Configuration, outcome: Outcome, store: Store, watc
         return outcome
     again = store.outcome(f"timed-{one.key}")
     if again is None:
-        told = watch(f"timed again: {one.label}", (1 + AGAIN) * outcome.seconds)
-        again = measure(study.name, (*study.settings, *one.settings), study.names(), runs=AGAIN, told=told)
+        report = watch(f"timed again: {one.label}", (1 + AGAIN) * outcome.seconds)
+        again = measure(study.name, (*study.settings, *one.settings), study.names(), runs=AGAIN, report=report)
         store.write(f"timed-{one.key}", again.as_json())
     return replace(outcome, walls=again.walls, cpu=again.cpu) if again.status == "done" else outcome
 

@@ -253,7 +253,7 @@ def test_without_friction_nothing_stuck_however_the_tool_is_tilted() -> None:
     model, parameters, _, work, tools, x, count = _problem(0.0)
     turns = np.random.default_rng(0).standard_normal((40, 1, 4))
     for turn in turns / np.linalg.norm(turns, axis=2, keepdims=True):
-        tilted = tools._replace(near=np.array([True]), orientation=turn, orientation_next=turn)
+        tilted = tools._replace(followed=np.array([True]), orientation=turn, orientation_next=turn)
         evaluate_contacts(x, model, parameters, tilted, count, work)
         normal = np.array(tool_gap(PLANE, tools.shape[0], tools.position[0], turn[0], x[0])[1:])
         work.multiplier[:count] = normal
@@ -279,5 +279,5 @@ def test_a_guess_that_loses_its_contacts_is_known(
 ) -> None:
     model, parameters, _, work, tools, x, count = _problem(0.5, multiplier, start=(along, 0.0, 0.0))
     evaluate_contacts(x + np.array([0.0, 0.0, up]), model, parameters, tools, count, work)
-    assert lets_go(parameters, tools._replace(near=np.array([True])), count, work) == lost
-    assert not lets_go(parameters, tools._replace(near=np.array([False])), count, work)
+    assert lets_go(parameters, tools._replace(followed=np.array([True])), count, work) == lost
+    assert not lets_go(parameters, tools._replace(followed=np.array([False])), count, work)

@@ -12,16 +12,18 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.session import Frame
+from softseam_protocol.models import OCTANT_CENTRES
 from softseam_protocol.scene.file import parse_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.errors import MeshError
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
-from softseam_services.body.recover import FEM_SAMPLE, PBD_SAMPLE, nodal_recovery, point_recovery
+from softseam_services.body.recover import FEM_SAMPLE, nodal_recovery, point_recovery
 from softseam_services.orchestrator.probes import Probes
 
 Floats = NDArray[np.float64]
+PBD_SAMPLE = OCTANT_CENTRES
 
 
 def _scene(n: int, probes: dict[str, list[float]] | None = None) -> Scene:

@@ -101,8 +101,7 @@ class Configure:
     body: NameText = ONLY_BODY
     """of the scene, whose cells they are"""
     mesh: PartMesh | None = None
-    """of the cells, in their order, or of a body of points; None: of particles that constraints join, or from an older
-    orchestrator"""
+    """of the cells, in their order, or of points; None: of particles, or from an older orchestrator"""
     bodies: list[NameText] = field(default_factory=list)
     """of a pile: whole bodies of the scene that are to be one part, in place of `body` and `cells`"""
     states: list[BodyState] = field(default_factory=list)
@@ -185,8 +184,7 @@ class Advance:
     fields: bool = False
     """also return the fields, which spares an `Observe` where this exchange is the step's last"""
     coupling_force_start: Vectors = field(default_factory=NO_VECTORS)
-    """force at the start of the step, from which it goes to coupling_force linearly in time (s, 3) [N]; empty: it is
-    constant"""
+    """as the step begins, from which it goes to coupling_force linearly in time (s, 3) [N]; empty: it is constant"""
     repeat_compliance: bool = False
     """report `Advanced.coupling_compliance_root` also if it was reported before"""
     turn: Scalars = field(default_factory=NO_SCALARS)
@@ -209,8 +207,7 @@ class Correct:
     fields: bool = False
     """also return the fields"""
     then: Advance | None = None
-    """the first request for the step that follows, to be served at once, which spares a message of its own; a
-    participant may leave it, and is asked again"""
+    """the first request for the next step, to be served at once, which spares a message; a participant may leave it"""
 
 
 @message
@@ -269,8 +266,7 @@ class Advanced:
     correctable: bool = False
     """whether this tentative step can be corrected (`Correct`)"""
     coupling_compliance_root: Matrix = field(default_factory=NO_MATRIX)
-    """R with d(coupling_x)/d(coupling_force) = R R^T by which it would be corrected, beside an anchor with the
-    stiffness (3s, 3s) [(m/N)^(1/2)]; empty: as in the reply before"""
+    """R of d(coupling_x)/d(coupling_force) = R R^T, by which it is corrected (3s, r) [(m/N)^(1/2)]; empty: as before"""
     why: str = ""
     """what went wrong and the remedy, where the status is not `converged`"""
     alarm_details: list[Detail] = field(default_factory=list)
@@ -282,8 +278,7 @@ class Advanced:
     given: float = 0.0
     """energy that the step gave back to a body that turns, beside `tool_work` [J]"""
     sums: Scalars = field(default_factory=NO_SCALARS)
-    """of a part with coupling nodes: over its nodes as the step ends, as the first sixteen of `Advance.turn`; empty:
-    what steps lose of the body's rotation is not given back"""
+    """as the step ends, like the first 16 of `Advance.turn`; empty: what steps lose of a rotation is not given back"""
     dissipated: float = 0.0
     """what a material with internal state dissipated in the step [J]; 0: nothing, or an older participant"""
     members: Members | None = None
@@ -339,8 +334,7 @@ class Fields:
     cell_energy: Scalars = field(default_factory=NO_SCALARS)
     """strain energy of each cell (n_cells,) [J]"""
     model_error: Scalars = field(default_factory=NO_SCALARS)
-    """energy by which each cell is off because PBD computes it; of FEM, would be off if PBD did (n_cells,) [J]; empty:
-    not asked for, or the cells are none that PBD can compute"""
+    """energy by which each cell is off, or would be, if PBD has it (n_cells,) [J]; empty: not asked, or PBD cannot"""
     mesh_error: Scalars = field(default_factory=NO_SCALARS)
     """FEM: energy by which each cell is off because it is no smaller (n_cells,) [J]; empty: not asked for, or of PBD"""
     seconds: float = 0.0

@@ -1,7 +1,5 @@
 """Of a pile, several whole bodies that one participant holds as one part: what a step did to each of them."""
 
-from __future__ import annotations
-
 from dataclasses import field
 from typing import Annotated
 

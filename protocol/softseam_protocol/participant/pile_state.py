@@ -1,7 +1,5 @@
 """The snapshot of a pile: those of its bodies, one after the other, each after its length."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 _LENGTH = 8

@@ -21,13 +21,13 @@ from softseam_services.orchestrator.islands import advance_all
 from softseam_services.orchestrator.joined_bodies import Between, JoinedBodies, interfaces_of, joints_of
 from softseam_services.orchestrator.ladder import Ladder
 from softseam_services.orchestrator.participants import Participants
+from softseam_services.orchestrator.parts import resting_state
 from softseam_services.orchestrator.pile import MemberTransport, Pile
 from softseam_services.orchestrator.pile_bodies import PileBodies
 from softseam_services.orchestrator.piles import piles_of
 from softseam_services.orchestrator.probes import share_probes
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.saved_state import SavedBodies
-from softseam_services.orchestrator.sides import resting_state
 from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.sleeping import Sleeping
 from softseam_services.orchestrator.solutions import Solutions
@@ -170,14 +170,14 @@ class Bodies:
     @property
     def parts(self) -> set[str]:
         """Ids of the parts that participants hold."""
-        own = {part for body in self.apart.values() for part in body.participants.sides.names}
+        own = {part for body in self.apart.values() for part in body.participants.parts.names}
         return own | {pile.part for pile in self._piles.values()}
 
     def release(self, kept: Collection[str]) -> None:
         """Let go of the parts that are not among these."""
         for body in self.apart.values():
             with suppress(ParticipantLost, ParticipantFailed):  # who is lost holds nothing
-                body.participants.release(set(body.participants.sides.names) - set(kept))
+                body.participants.release(set(body.participants.parts.names) - set(kept))
         for pile in self._piles.values():
             if pile.part not in kept:
                 with suppress(ParticipantLost, ParticipantFailed):

@@ -1,7 +1,5 @@
 """The answer of a pile to a step: sums over its bodies, and each by itself."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The state that a PBD region begins with: at rest, or as it was handed over."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_protocol.messages.participant import BodyState

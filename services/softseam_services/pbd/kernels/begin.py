@@ -1,7 +1,5 @@
 """How a step begins: which tools go by slowly, and a shape for a body that has none."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit

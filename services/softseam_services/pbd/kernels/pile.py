@@ -4,8 +4,6 @@ Each is advanced as `pbd.step` advances one alone, by the same kernels, tried ag
 the bit.
 """
 
-from __future__ import annotations
-
 from softseam_services.body.kernels.turning import give_back
 from softseam_services.jit import njit
 

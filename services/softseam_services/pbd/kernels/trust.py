@@ -1,7 +1,5 @@
 """Whether a step can be believed: what the monitor of a PBD region computes, see `pbd.watch` for its words."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from softseam_services.jit import njit
