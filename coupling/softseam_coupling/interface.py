@@ -13,6 +13,8 @@ only, and only where it would close,
 
     lambda = p n,   p >= 0,   n . g >= 0,   p n . g = 0                                                         (3)
 
+and with friction mu also across n, by t with |t| <= mu p, which holds what sticks and goes against what slides.
+
 The kinds of interface differ in the rows that they make, and in nothing else:
 one file each in `interfaces/`.
 """
@@ -45,6 +47,8 @@ class Interface:
     """C of each row (c,) [m/N]; empty: none"""
     normal: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     """unit vectors from b to a of rows that press (c, 3) [1], zero of those that hold; empty: all hold"""
+    friction: Floats = field(default_factory=lambda: np.zeros(0))
+    """mu of rows that press (c,) [1]; empty: none"""
     ids: NDArray[np.int64] | None = None
     """names of rows that come and go, each once (c,); None: rows are as many in every step"""
 

@@ -37,6 +37,54 @@ def test_rows_press_or_are_open_and_the_others_hold(seed: int, most: int, monkey
     assert 0 < (p > 0.0).sum() < presses.sum()
 
 
+@pytest.mark.parametrize("most", [50, 0])
+@pytest.mark.parametrize("seed", range(8))
+def test_rows_with_friction_stick_or_slide(seed: int, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By Newton's method, and by sweeps alone: what sticks stays, what slides goes against its force, at the bound."""
+    monkeypatch.setattr(unilateral, "_MOST", most)
+    rng = np.random.default_rng(100 + seed)
+    normal, w, q = system(rng, 9, 2)
+    q = q - normal  # most of them press
+    w += 4.0 * np.eye(27)
+    mu = np.where(np.arange(9) < 6, rng.uniform(0.1, 1.5, 9), 0.0)
+    rows = Unilateral(normal, mu)
+    found = rows.solve(w, q)
+    left = q + (w @ found.reshape(-1)).reshape(-1, 3)
+    size, force, presses = np.abs(q).max(), np.abs(found).max(), normal.any(axis=1)
+    p, s = (np.einsum("ck,ck->c", normal, each) for each in (found, left))
+    t, r = (each - along[:, None] * normal for each, along in ((found, p), (left, s)))
+    assert np.abs(left[~presses]).max() < 1e-8 * size
+    assert p[presses].min() >= 0.0 and s[presses].min() > -1e-8 * size
+    assert np.abs((p * s)[presses]).max() < 1e-8 * size * force
+    across, moved = np.linalg.norm(t, axis=1)[presses], np.linalg.norm(r, axis=1)[presses]
+    bound = (mu * p)[presses]
+    assert (across <= bound * (1.0 + 1e-9) + 1e-12 * force).all()
+    sticks = across < bound * (1.0 - 1e-6)
+    assert moved[sticks].max(initial=0.0) < 1e-8 * size
+    slides = ~sticks & (bound > 1e-9 * force)
+    against = np.einsum("ck,ck->c", t[presses], r[presses])
+    np.testing.assert_allclose(against[slides], -(across * moved)[slides], atol=1e-8 * size * force)
+    np.testing.assert_allclose(rows.allowed(found), found, atol=1e-12 * force)
+    assert np.abs(rows.left(left, found)).max() < 1e-8 * size
+
+
+def test_some_of_them_stick_and_some_slide() -> None:
+    """In the systems of the test above."""
+    stuck = slid = 0
+    for seed in range(8):
+        rng = np.random.default_rng(100 + seed)
+        normal, w, q = system(rng, 9, 2)
+        q = q - normal  # most of them press
+        mu = np.where(np.arange(9) < 6, rng.uniform(0.1, 1.5, 9), 0.0)
+        found = Unilateral(normal, mu).solve(w + 4.0 * np.eye(27), q)
+        p = np.einsum("ck,ck->c", normal, found)
+        across = np.linalg.norm(found - p[:, None] * normal, axis=1)
+        rubs = (mu > 0.0) & (p > 0.0)
+        stuck += int((across[rubs] < (1.0 - 1e-6) * (mu * p)[rubs]).sum())
+        slid += int((across[rubs] >= (1.0 - 1e-6) * (mu * p)[rubs]).sum())
+    assert stuck >= 3 and slid >= 3
+
+
 def test_what_pulls_or_goes_across_is_not_allowed() -> None:
     one = Unilateral(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]))
     forces = np.array([[1.0, 2.0, 3.0], [1.0, 0.0, -3.0], [1.0, 2.0, -3.0]])

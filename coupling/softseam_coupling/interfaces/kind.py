@@ -14,9 +14,25 @@ Mask = NDArray[np.bool_]
 Pair = tuple[Floats, Floats]
 """of the nodes of the first body and of the second (n_a, 3), (n_b, 3)"""
 
-__all__ = ["Kind", "Meeting", "Rows"]
+__all__ = ["Faces", "Kind", "Meeting", "Rows"]
 
 _NONE, _NO_ROWS = np.zeros(0), np.zeros((0, 3))
+
+
+@dataclass(frozen=True)
+class Faces:
+    """A closed surface whose p points are nodes of a body, t triangles between them."""
+
+    nodes: Ints
+    """node of each point (p,)"""
+    triangles: Ints
+    """points, counter-clockwise from outside (t, 3)"""
+    area: Floats
+    """that each point stands for (p,) [m^2]"""
+    spacing: float
+    """of the points [m]"""
+    yields: float
+    """how far it sinks in under a pressure [m/Pa]"""
 
 
 @dataclass(frozen=True)
@@ -27,6 +43,10 @@ class Meeting:
     """(N, 3) [m]"""
     fixed: Mask
     """clamped ones, which no interface moves (N,)"""
+    surface: Faces | None = None
+    """None of a surface that runs through cells"""
+    forces_at_end: bool = True
+    """whether its model's contact forces act as a step ends, see `MODELS`"""
 
 
 @dataclass(frozen=True)
@@ -37,7 +57,7 @@ class Rows:
 
     whose multipliers lambda are forces on the first body [N]. A row without compliance C is a constraint; one with
     C = 1/k a spring of stiffness k; one with a normal n presses the bodies apart, along n alone, where n . g would be
-    negative otherwise."""
+    negative otherwise, and with friction mu also across it, by no more than mu times that, against how it slides."""
 
     weights: Pair
     """w_a (c, n_a) and w_b (c, n_b) [1]"""
@@ -47,6 +67,8 @@ class Rows:
     """C of each row (c,) [m/N]; empty: none"""
     normal: Floats = field(default_factory=lambda: _NO_ROWS)
     """unit vectors from the second body to the first (c, 3) [1], zero of rows that hold; empty: all hold"""
+    friction: Floats = field(default_factory=lambda: _NONE)
+    """mu of rows that press (c,) [1]; empty: none"""
     ids: Ids | None = None
     """names of rows that come and go, each once in a step, 0 and more (c,): a row's multiplier is predicted by what it
     was under its id; None: rows are as many in every step"""

@@ -31,12 +31,14 @@ Floats = NDArray[np.float64]
 
 
 class Closure:
-    """Solves for the multipliers. parts and offset (c, 3) are as of `parts_of`, compliance (c,) and normal (c, 3) as of
-    `compliance_of` and `normal_of`."""
+    """Solves for the multipliers. parts and offset (c, 3) are as of `parts_of`, compliance (c,), normal (c, 3) and
+    friction (c,) as of `laws_of`."""
 
-    def __init__(self, parts: dict[str, CoupledPart], offset: Floats, compliance: Floats, normal: Floats) -> None:
+    def __init__(
+        self, parts: dict[str, CoupledPart], offset: Floats, compliance: Floats, normal: Floats, friction: Floats
+    ) -> None:
         self._parts, self._offset, self._compliance = parts, offset, compliance
-        self._unilateral = Unilateral(normal) if len(normal) else None
+        self._unilateral = Unilateral(normal, friction) if len(normal) else None
         self._inverse: Floats | None = None  # of W over the parts that are not pushed
         self._flat = _Flat(parts)
 
@@ -49,8 +51,8 @@ class Closure:
         """A part reported another compliance, or is pushed from now on."""
         self._inverse = None
 
-    def renew(self, offset: Floats, compliance: Floats, normal: Floats) -> None:
-        """The rows of a step begin: this is their offset, and their compliance; the parts may have other weights."""
+    def renew(self, offset: Floats, compliance: Floats, normal: Floats, friction: Floats) -> None:
+        """The rows of a step begin, with these; the parts may have other weights."""
         if len(offset) != len(self._offset):
             self._flat, changed = _Flat(self._parts), True
         else:
@@ -58,7 +60,7 @@ class Closure:
         if changed or not np.array_equal(compliance, self._compliance):
             self._inverse = None
         self._offset, self._compliance = offset, compliance
-        self._unilateral = Unilateral(normal) if len(normal) else None
+        self._unilateral = Unilateral(normal, friction) if len(normal) else None
 
     def save(self) -> Floats | None:
         """What of it evolves, for `restore`."""

@@ -14,7 +14,7 @@ from softseam_coupling.interface import Interface
 
 Floats = NDArray[np.float64]
 
-__all__ = ["HARDLY", "CoupledPart", "compliance_of", "gap_of", "normal_of", "parts_of"]
+__all__ = ["HARDLY", "CoupledPart", "gap_of", "laws_of", "parts_of"]
 
 _NONE = np.zeros((0, 0))
 HARDLY = 1e-6
@@ -112,16 +112,16 @@ def parts_of(interfaces: tuple[Interface, ...], n_nodes: dict[str, int]) -> tupl
     return {name: CoupledPart(b, _sign(b)) for name, b in rows.items()}, offset
 
 
-def compliance_of(interfaces: tuple[Interface, ...]) -> Floats:
-    """The compliance of all rows, in the order of the interfaces (c,) [m/N]."""
-    return np.concatenate([one.compliance if len(one.compliance) else np.zeros(one.n_rows) for one in interfaces])
-
-
-def normal_of(interfaces: tuple[Interface, ...]) -> Floats:
-    """Along which all rows press (c, 3) [1], zero of those that hold; empty where all hold."""
-    if not any(len(one.normal) for one in interfaces):
-        return np.zeros((0, 3))
-    return np.concatenate([one.normal if len(one.normal) else np.zeros((one.n_rows, 3)) for one in interfaces])
+def laws_of(interfaces: tuple[Interface, ...]) -> tuple[Floats, Floats, Floats]:
+    """Of all rows, in the order of the interfaces: the compliance (c,) [m/N]; the normals along which they press (c, 3)
+    [1], zero of those that hold, and their friction (c,) [1]; either is empty where no row has any."""
+    compliance = [one.compliance if len(one.compliance) else np.zeros(one.n_rows) for one in interfaces]
+    normal, friction = np.zeros((0, 3)), np.zeros(0)
+    if any(len(one.normal) for one in interfaces):
+        normal = np.concatenate([one.normal if len(one.normal) else np.zeros((one.n_rows, 3)) for one in interfaces])
+    if any(len(one.friction) for one in interfaces):
+        friction = np.concatenate([one.friction if len(one.friction) else np.zeros(one.n_rows) for one in interfaces])
+    return np.concatenate(compliance), normal, friction
 
 
 def _sign(rows: Floats) -> float:

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from softseam_coupling.interface import Interface
 from softseam_coupling.loops.closure import Closure
-from softseam_coupling.loops.coupled_part import compliance_of, normal_of, parts_of
+from softseam_coupling.loops.coupled_part import laws_of, parts_of
 from softseam_coupling.loops.loop import (
     NOT_CONVERGED,
     Ask,
@@ -107,7 +107,7 @@ class OneWay:
     def __init__(self, setup: LoopSetup) -> None:
         self._setup = setup
         self._parts, offset = parts_of(setup.interfaces, {name: len(m) for name, m in setup.mobility.items()})
-        self._closure = Closure(self._parts, offset, compliance_of(setup.interfaces), normal_of(setup.interfaces))
+        self._closure = Closure(self._parts, offset, *laws_of(setup.interfaces))
         self._capabilities: Mapping[str, Capabilities] = {}
         self._linearity = {name: _Linearity() for name in self._parts}
         self._multipliers = Multipliers(setup.interfaces, setup.first)
@@ -142,7 +142,7 @@ class OneWay:
         for name, part in parts.items():
             self._parts[name].rows, self._parts[name].sign = part.rows, part.sign
         self._multipliers.renew(interfaces)
-        self._closure.renew(offset, compliance_of(interfaces), normal_of(interfaces))
+        self._closure.renew(offset, *laws_of(interfaces))
 
     def solve(self, ask: Ask, correct: Correct, dt: float, may_refuse: bool = False) -> Outcome:
         """A step that fails leaves everything as it was. What a part reported in it may not have arrived: it

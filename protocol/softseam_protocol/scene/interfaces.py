@@ -1,13 +1,13 @@
 """Interfaces between bodies: what a scene says of where two bodies meet, and of what holds there."""
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from softseam_protocol.scene.bodies import AnyBody, BodyName
 from softseam_protocol.scene.regions import RegionsSpec
-from softseam_protocol.scene.spec import OfKind, Spec, wrong
+from softseam_protocol.scene.spec import NonNegative, OfKind, Spec, wrong
 from softseam_protocol.scene.tools import ToolName
 from softseam_protocol.table import Table
 
@@ -21,7 +21,14 @@ class InterfaceSpec(Spec):
     between: tuple[BodyName, BodyName] = Field(description="the bodies that meet; a force on the first is positive")
 
 
-INTERFACES: Table[type[InterfaceSpec]] = Table("kinds of interface")
+class ContactSpec(InterfaceSpec):
+    """The bodies press on each other where they touch, and rub."""
+
+    kind: Literal["contact"] = "contact"
+    friction: NonNegative = Field(default=0.5, description="Coulomb's coefficient between them")
+
+
+INTERFACES: Table[type[InterfaceSpec]] = Table("kinds of interface", {"contact": ContactSpec})
 """the specification of each kind; `softseam_coupling.interfaces.KINDS` has what makes its rows"""
 AnyInterface = Annotated[InterfaceSpec, OfKind(INTERFACES)]
 

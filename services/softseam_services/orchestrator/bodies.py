@@ -63,7 +63,7 @@ class Bodies:
         self._bundle = bundle
         self._program, self._clock, self._report = program, clock, report
         self._probes = share_probes({name: setup.body for name, setup in setups.items()}, scene.probes)
-        self._interfaces = interfaces_of(scene, {name: setup.body for name, setup in setups.items()})
+        self._interfaces = interfaces_of(scene, setups)
         self._ladders = {
             name: Ladder(scene, name, body, bundle.files, partial(self._on_rung, name))
             for name, body in scene.bodies.items()

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.interface import Interface
-from softseam_coupling.interfaces import KINDS, Kind, Meeting
+from softseam_coupling.interfaces import KINDS, Kind
 from softseam_coupling.loops.loop import Correction, First, LoopSetup, Outcome, PartRequest, StepDiverged, largest
 from softseam_coupling.loops.one_way import OneWay
 from softseam_protocol.messages.outcomes import Detail
@@ -25,6 +25,7 @@ from softseam_services.body.errors import SettingError
 from softseam_services.body.kernels.turning import MASS, MOTION, PLACE
 from softseam_services.orchestrator.body_turn import BodyTurn, turn_about_one_another
 from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.meetings import meeting_of
 from softseam_services.orchestrator.part_client import StepFailed
 from softseam_services.orchestrator.participants import Kept
 from softseam_services.orchestrator.parts import part_mesh, resting_state, side_mass
@@ -33,6 +34,7 @@ from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.orchestrator.subdivided_step import take_step
 from softseam_services.orchestrator.subdivision import Subdivision
 from softseam_services.orchestrator.transport import Transport
+from softseam_services.server import Setup
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -49,12 +51,11 @@ class Between:
     kind: Kind
 
 
-def interfaces_of(scene: Scene, bodies: Mapping[str, object]) -> dict[str, Between]:
+def interfaces_of(scene: Scene, setups: Mapping[str, Setup]) -> dict[str, Between]:
     """The interfaces of a scene, by name, between bodies that are built. Raises SettingError."""
     found = {}
     for name, spec in scene.interfaces.items():
-        met = [cast(Body, bodies[body]) for body in spec.between]  # the scene has them in cells
-        a, b = (Meeting(body.x_rest, body.fixed) for body in met)
+        a, b = (meeting_of(setups[body]) for body in spec.between)
         try:
             kind = KINDS[spec.kind](spec, a, b)
         except ValueError as error:
@@ -163,7 +164,17 @@ class JoinedBodies:
             parts = self._part(between.bodies[0]), self._part(between.bodies[1])
             a, b = (self._places(body, nodes) for body, nodes in _sides(between))
             found.append(
-                Interface(name, parts, (a, b), rows.weights, rows.offset, rows.compliance, rows.normal, rows.ids)
+                Interface(
+                    name,
+                    parts,
+                    (a, b),
+                    rows.weights,
+                    rows.offset,
+                    rows.compliance,
+                    rows.normal,
+                    rows.friction,
+                    rows.ids,
+                )
             )
         return tuple(found)
 

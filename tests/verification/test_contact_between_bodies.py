@@ -1,0 +1,206 @@
+"""Contact between two bodies: one carries what the other weighs, Coulomb's law holds, and no energy is made."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+import softseam
+from softseam.errors import SoftseamError
+from softseam_protocol.messages.session import StepReport
+from softseam_protocol.scene.scene import Scene
+
+EDGE, DENSITY = 0.04, 1000.0
+MASS = DENSITY * EDGE**3
+WEIGHT = 9.81 * MASS
+SLOPE = np.radians(20.0)
+
+
+def cube(edge: float = EDGE, young: float = 5e5, **keys: Any) -> dict[str, Any]:
+    material = {"young": young, "poisson": 0.3, "density": DENSITY, "retardation_time": 0.01}
+    return {"shape": {"kind": "block", "size": [edge] * 3}, "cell": edge / 2, "material": material} | keys
+
+
+def scene(
+    upper: dict[str, Any],
+    lower: dict[str, Any] | None = None,
+    friction: float = 0.5,
+    tilt: float = 0.0,
+    step: float = 0.005,
+    **keys: Any,
+) -> Scene:
+    """One cube upon or above another, on the ground, which may be tilted [rad]: then gravity is."""
+    data = {
+        "softseam": 1,
+        "name": "touch",
+        "gravity": [9.81 * np.sin(tilt), 0.0, -9.81 * np.cos(tilt)],
+        "step": step,
+        "duration": 0.3,
+        "bodies": {"lower": lower or cube(), "upper": {"position": [0.0, 0.0, EDGE]} | upper},
+        "tools": {"ground": {"kind": "plane", "friction": 1.5}},
+        "interfaces": {"touch": {"kind": "contact", "between": ["upper", "lower"], "friction": friction}},
+        "regions": {"default": "fem"},
+    }
+    return Scene.model_validate(json.loads(json.dumps(data | keys)))
+
+
+class Run:
+    """Reports of all steps, and where the middles of the bodies were after each (s, 3) [m]."""
+
+    def __init__(self, of: Scene) -> None:
+        self.reports: list[StepReport] = []
+        middles: dict[str, list[Any]] = {name: [] for name in of.bodies}
+        with softseam.open(of) as sim:
+            sim.reset(seed=0)
+            while not sim.done:
+                seen = sim.step()
+                self.reports.append(seen.report)
+                for name, body in seen.bodies.items():
+                    middles[name].append(body.positions.mean(axis=0))
+        self.middle = {name: np.array(each) for name, each in middles.items()}
+        self.touch = [report.interfaces["touch"] for report in self.reports]
+
+    @property
+    def apart(self) -> Any:
+        """Way from the lower to the upper body's middle (s, 3) [m]."""
+        return self.middle["upper"] - self.middle["lower"]
+
+    @property
+    def energy(self) -> Any:
+        return np.array(
+            [sum(report.energy[key] for key in ("kinetic", "strain", "gravity")) for report in self.reports]
+        )
+
+
+def makes_nothing(run: Run) -> bool:
+    """Whether energy never rises above what it was after the first step."""
+    return bool(run.energy.max() <= run.energy[0] + 1e-9 * np.abs(run.energy).max())
+
+
+@pytest.mark.parametrize("lift", [0.0, 0.002, 0.02])
+def test_the_ground_carries_both(lift: float) -> None:
+    """To 1e-9, once the upper one has come down; its middle is an edge above the other's, but for what weights squeeze
+    (.04 mm), and no step took more than two exchanges."""
+    run = Run(scene(cube(young=2e5, position=[0.0, 0.0, EDGE + lift]), cube(young=2e5), duration=0.5))
+    assert run.reports[-1].wrench[0, 2] == pytest.approx(-2.0 * WEIGHT, rel=1e-9)
+    np.testing.assert_allclose(run.apart[-1], (0.0, 0.0, EDGE), atol=1.2e-4)
+    assert max(each.exchanges for each in run.touch) <= 2
+    assert makes_nothing(run)
+
+
+def test_friction_holds_on_a_slope_and_yields() -> None:
+    """At 20 degrees mu = .5 holds: what moves in the last tenth of a second is less than 5 um; .2 lets the cube slide
+    with g (sin - mu cos), in steps of implicit Euler x = a h^2 n (n + 1)/2."""
+    held = Run(scene(cube(position=[-0.004, 0.0, EDGE]), tilt=SLOPE))
+    assert abs(held.apart[-1, 0] - held.apart[-20, 0]) < 5e-6
+    assert held.apart[-1, 0] + 0.004 < 4e-4
+    slid = Run(scene(cube(position=[-0.008, 0.0, EDGE]), friction=0.2, tilt=SLOPE, duration=0.15))
+    a, n = 9.81 * (np.sin(SLOPE) - 0.2 * np.cos(SLOPE)), len(slid.apart)
+    assert slid.apart[-1, 0] + 0.008 == pytest.approx(0.5 * a * 0.005**2 * n * (n + 1), rel=0.01)
+
+
+def test_a_cube_that_is_thrown_along_another_stops() -> None:
+    """After v^2/(2 mu g), less v h/2 of implicit Euler; its friction took what it had, but for what the cubes damp."""
+    run = Run(scene(cube(position=[-0.008, 0.0, EDGE], velocity=[0.3, 0.0, 0.0]), friction=0.3, duration=0.2))
+    way = 0.3**2 / (2.0 * 0.3 * 9.81) - 0.5 * 0.3 * 0.005
+    assert run.apart[-1, 0] + 0.008 == pytest.approx(way, rel=0.01)
+    work = sum(each.work for each in run.touch)
+    assert -0.5 * MASS * 0.3**2 < work < -0.9 * 0.5 * MASS * 0.3**2
+    assert makes_nothing(run)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "young"), [((0.0, 0.0, -2.0), 5e5), ((0.5, 0.3, -1.0), 5e5), ((0.0, 0.0, -1.0), 2e4)]
+)
+def test_a_knock_makes_no_energy(velocity: tuple[float, float, float], young: float) -> None:
+    """And does not go through: at rest in the end, one upon the other, or beside it."""
+    upper = cube(young=young, velocity=velocity, position=[-0.004, 0.0, EDGE + 0.002])
+    run = Run(scene(upper, cube(young=young), duration=0.2))
+    assert makes_nothing(run)
+    assert run.apart[:, 2].min() > 0.6 * EDGE
+
+
+def test_two_that_meet_in_flight_keep_their_momenta() -> None:
+    """Beside one another, so that they turn: linear to 1e-8, angular to 1e-6 of what each brings."""
+    upper = cube(position=[0.012, 0.007, EDGE + 0.003], velocity=[0.0, 0.0, -0.4])
+    run = Run(scene(upper, cube(velocity=[0.0, 0.0, 0.4]), gravity=[0.0, 0.0, 0.0], tools={}, duration=0.06))
+    assert max(each.force for each in run.touch) > 0.1
+    momenta = np.array([report.momentum for report in run.reports])
+    assert np.abs(momenta - momenta[0]).max() < 1e-8 * MASS * 0.4
+    spins = np.array([report.angular_momentum for report in run.reports])
+    assert np.abs(spins - spins[0]).max() < 1e-6 * MASS * 0.4 * 0.014
+    assert makes_nothing(run)
+
+
+def test_two_halves_are_pressed_as_the_whole() -> None:
+    """Between planes without friction: the same force within 1 %, for surfaces sink in by .8 % of what cells do."""
+
+    def pressed(halves: bool) -> float:
+        block = cube() | {"shape": {"kind": "block", "size": [EDGE, EDGE, EDGE / 2 if halves else EDGE]}}
+        bodies = {"lower": block, "upper": block | {"position": [0.0, 0.0, EDGE / 2]}} if halves else {"lower": block}
+        press = {"kind": "plane", "point": [0.0, 0.0, EDGE], "normal": [0.0, 0.0, -1.0]}
+        data: dict[str, Any] = {
+            "softseam": 1,
+            "name": "pressed",
+            "gravity": [0.0, 0.0, 0.0],
+            "step": 0.01,
+            "bodies": bodies,
+            "tools": {"ground": {"kind": "plane"}, "press": press},
+            "motion": [{"tools": ["press"], "move": [0.0, 0.0, -0.002], "speed": 0.02}, {"hold": 0.3}],
+            "regions": {"default": "fem"},
+        }
+        if halves:
+            data["interfaces"] = {"touch": {"kind": "contact", "between": ["upper", "lower"]}}
+        with softseam.open(Scene.model_validate(json.loads(json.dumps(data)))) as sim:
+            return float(sim.run().report.wrench[1, 2])
+
+    assert pressed(halves=True) == pytest.approx(pressed(halves=False), rel=1e-2)
+
+
+def test_a_restored_contact_goes_on_with_the_same_bits() -> None:
+    """From before it touches, and from while it slides."""
+    upper = cube(position=[-0.008, 0.0, EDGE + 0.001], velocity=[0.3, 0.0, 0.0])
+    with softseam.open(scene(upper, friction=0.3)) as sim:
+        sim.reset(seed=0)
+        kept = [sim.snapshot()]
+        first = [sim.step() for _ in range(12)]
+        kept.append(sim.snapshot())
+        first += [sim.step() for _ in range(6)]
+        sim.restore(kept[0])
+        again = [sim.step() for _ in range(12)]
+        sim.restore(kept[1])
+        again += [sim.step() for _ in range(6)]
+    for one, other in zip(first, again, strict=True):
+        for name in ("lower", "upper"):
+            np.testing.assert_array_equal(one.bodies[name].positions, other.bodies[name].positions)
+
+
+def icosahedron() -> bytes:
+    """A closed surface of twenty triangles, 4 cm across."""
+    g = (1.0 + 5.0**0.5) / 2.0
+    corners = [(a, b * g, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
+    corners += [(0.0, a, b * g) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
+    corners += [(b * g, 0.0, a) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
+    points = 0.02 * np.array(corners) / np.hypot(1.0, g)
+    faces = []
+    for triangle in ConvexHull(points).simplices:
+        first, second, third = points[triangle]
+        outward = np.dot(np.cross(second - first, third - first), first) > 0.0
+        faces.append(triangle if outward else triangle[::-1])
+    lines = [f"v {x:.9g} {y:.9g} {z + 0.02:.9g}" for x, y, z in points]
+    return "\n".join([*lines, *("f {} {} {}".format(*(face + 1)) for face in faces)]).encode()
+
+
+def test_what_contact_cannot_do_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(SoftseamError, match=r"interfaces\.touch.*fem so far.*'upper'.*default: fem"):
+        softseam.open(scene(cube(regions={"default": "pbd"})))
+    (tmp_path / "ball.obj").write_bytes(icosahedron())
+    mesh = json.loads(scene(cube(shape={"kind": "mesh", "path": "ball.obj"})).model_dump_json(exclude_unset=True))
+    (tmp_path / "ball.yaml").write_text(json.dumps(mesh))
+    with pytest.raises(SoftseamError, match=r"interfaces\.touch.*surface of 'upper'.*take a block"):
+        softseam.open(tmp_path / "ball.yaml")
