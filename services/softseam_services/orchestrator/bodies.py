@@ -194,12 +194,12 @@ class Bodies:
 
         Raises StepFailed, ParticipantLost and ParticipantFailed.
         """
-        lone: dict[str, Participants | Pile] = {**self._lone}
-        joined = self._joined
         self._sleeping.wake(motion)
         asleep = self._sleeping.outcomes()
         if self._ladders:
             self._climb(asleep)
+        lone: dict[str, Participants | Pile] = {**self._lone}
+        joined = self._joined
         if asleep:
             lone = {name: island for name, island in lone.items() if name not in asleep}
             joined = [island for island in joined if island.members.keys().isdisjoint(asleep)]
