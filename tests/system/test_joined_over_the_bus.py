@@ -42,10 +42,12 @@ def extended(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
         set_to.undo()
 
 
-@pytest.mark.parametrize("victim", ["", "fem", "pbd"])
-def test_a_tower_stands_the_same_over_the_bus(extended: Services, victim: str) -> None:
-    """Three cubes, of FEM and of XPBD, that fall on one another: reports and last frames, bit for bit."""
-    bundle = bundle_scene(tower(("fem", "pbd", "fem"), 0.003), {})
+@pytest.mark.parametrize(("kind", "victim"), [("rest", ""), ("rest", "fem"), ("rest", "pbd"), ("contact", "fem")])
+def test_a_tower_stands_the_same_over_the_bus(extended: Services, kind: str, victim: str) -> None:
+    """Three cubes, of FEM and of XPBD, or in contact of FEM alone, that fall on one another: reports and last frames,
+    bit for bit."""
+    models = ("fem", "fem" if kind == "contact" else "pbd", "fem")
+    bundle = bundle_scene(tower(models, 0.003, {"kind": kind}), {})
     simulation = Simulation(bundle, EmbeddedTransport())
     wanted = [simulation.step(fields=n == STEPS - 1) for n in range(STEPS)]
     frames = simulation.frames()
