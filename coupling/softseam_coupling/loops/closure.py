@@ -145,7 +145,7 @@ class Closure:
             pushes = {name: -force for name, force in acted.items()}
             return gap, pushes, {name: self._parts[name].move(push) for name, push in pushes.items()}
         if self._unilateral is not None:
-            return self._press(self._unilateral, gap, acted)
+            return self._press(self._unilateral, gap, acted, first)
         if self._inverse is None:
             self._inverse = self._invert([part for part in self._parts.values() if not part.pushed])
         flat = self._flat
@@ -159,7 +159,7 @@ class Closure:
         return multipliers.reshape(-1, 3), flat.by_part(push), flat.by_part(move)
 
     def _press(
-        self, unilateral: Unilateral, gap: Floats, acted: dict[str, Floats]
+        self, unilateral: Unilateral, gap: Floats, acted: dict[str, Floats], first: Floats
     ) -> tuple[Floats, dict[str, Floats], dict[str, Floats]]:
         """As `solve`, where some rows press."""
         w = np.diag(np.repeat(self._compliance, 3))
@@ -168,7 +168,7 @@ class Closure:
             w += part.row_compliance()
             free = free - part.to_rows(part.move(acted[name]))
         w.flat[:: len(w) + 1] += HARDLY * np.trace(w) / len(w)
-        multipliers = unilateral.solve(w, free)
+        multipliers = unilateral.solve(w, free, first)
         pushes = {name: part.force(multipliers) - acted[name] for name, part in self._parts.items()}
         return multipliers, pushes, {name: part.move(pushes[name]) for name, part in self._parts.items()}
 

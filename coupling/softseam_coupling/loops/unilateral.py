@@ -77,11 +77,15 @@ class Unilateral:
             counts = np.where(sticks[:, None], gap, counts)
         return np.where(self._presses[:, None], counts, gap)
 
-    def solve(self, w: Floats, q: Floats) -> Floats:
-        """Multipliers (c, 3) [N] with (1) and (2), of W (3c, 3c) [m/N] and q (c, 3) [m]."""
+    def solve(self, w: Floats, q: Floats, first: Floats | None = None) -> Floats:
+        """Multipliers (c, 3) [N] with (1) and (2), of W (3c, 3c) [m/N] and q (c, 3) [m]; with friction found from
+        `first` (c, 3) [N]."""
         t = self._unknowns
         matrix, right = t.T @ w @ t, t.T @ q.reshape(-1)
-        y, found = self._rub(matrix, right) if self._rubs else self._press(matrix, right)
+        if self._rubs:
+            y, found = self._rub(matrix, right, np.zeros(len(right)) if first is None else t.T @ first.reshape(-1))
+        else:
+            y, found = self._press(matrix, right)
         if not found:
             y = np.where(self._kind == ALONG, np.maximum(y, 0.0), y)
             sweep(matrix, right, self._kind, self._bound, y, _SWEEPS, _SETTLED)
@@ -100,10 +104,9 @@ class Unilateral:
                 return y, True
         return y, False
 
-    def _rub(self, matrix: Floats, right: Floats) -> tuple[Floats, bool]:
-        """As `_press`, with friction: Newton's method on the projections of (1) and (2)."""
-        kind, one = self._kind, np.eye(len(right))
-        scale, y = matrix.diagonal(), np.zeros(len(right))
+    def _rub(self, matrix: Floats, right: Floats, y: Floats) -> tuple[Floats, bool]:
+        """As `_press`, with friction, from y (m,): Newton's method on the projections of (1) and (2)."""
+        kind, one, scale = self._kind, np.eye(len(right)), matrix.diagonal()
         n = np.flatnonzero(kind == ALONG)
         rubs = n[self._bound[n] > 0.0]
         pairs = np.stack([rubs + FIRST_ACROSS, rubs + SECOND_ACROSS], axis=1)
@@ -112,15 +115,12 @@ class Unilateral:
             left = right + matrix @ y
             residual, slope = left.copy(), matrix.copy()
             trial = y - left / scale
-            open_ = n[trial[n] <= 0.0]
-            residual[open_], slope[open_] = y[open_], one[open_]
             shut = trial[rubs] > 0.0
             tried = y[pairs] - left[pairs] / across[:, None]
             size, bound = np.linalg.norm(tried, axis=1), self._bound[rubs] * np.maximum(trial[rubs], 0.0)
             slides = np.flatnonzero(shut & (size > bound))
-            for k in (0, 1):
-                away = pairs[~shut, k]
-                residual[away], slope[away] = y[away], one[away]
+            rest = np.ones(len(right), dtype=np.bool_)
+            rest[n[trial[n] <= 0.0]] = rest[pairs[~shut]] = False  # what is open has no force
             if len(slides):
                 way, place = tried[slides] / size[slides, None], pairs[slides]
                 share, mu, along = bound[slides] / size[slides], self._bound[rubs[slides]], rubs[slides]
@@ -130,9 +130,11 @@ class Unilateral:
                 bent = (mu[:, None] * way)[:, :, None] * by_along[:, None] + share[:, None, None] * turned
                 residual[place] = y[place] - bound[slides, None] * way
                 slope[place] = one[place] - bent
-            step = np.linalg.solve(slope, -residual)
+            step = -y
+            step[rest] = np.linalg.solve(
+                slope[np.ix_(rest, rest)], slope[np.ix_(rest, ~rest)] @ y[~rest] - residual[rest]
+            )
             y = y + step
-            y[open_], y[pairs[~shut]] = 0.0, 0.0
             if np.abs(step).max() <= _SETTLED * np.abs(y).max():
                 return y, True
         return np.where(np.isfinite(y), y, 0.0), False
