@@ -141,7 +141,9 @@ def test_it_stops_when_it_is_told_to(endpoint: str, bus: Bus, number: signal.Sig
 
 
 def test_the_answer_at_hand_is_given_before_it_stops(endpoint: str, bus: Bus) -> None:
+    changes = bus.watch_live(LIVE)
     with process(endpoint, "dawdles") as one:
+        wait(changes, True)
         ask(bus, configure(), Configured)
         pending = bus.start(KEY, encode(advance(header(), TOO_MUCH)), 10.0)
         assert one.stdout is not None and one.stdout.readline() == "at work\n"
@@ -152,7 +154,9 @@ def test_the_answer_at_hand_is_given_before_it_stops(endpoint: str, bus: Bus) ->
 
 @pytest.mark.slow
 def test_a_solver_that_hangs_does_not_keep_it_from_stopping(endpoint: str, bus: Bus) -> None:
+    changes = bus.watch_live(LIVE)
     with process(endpoint, "hangs") as one:
+        wait(changes, True)
         ask(bus, configure(), Configured)
         pending = bus.start(KEY, encode(advance(header(), TOO_MUCH)), 30.0)
         assert one.stdout is not None and one.stdout.readline() == "at work\n"
