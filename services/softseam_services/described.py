@@ -61,7 +61,7 @@ def describe(bundle: Bundle) -> dict[str, Described]:
 
 def _of_cells(setup: Setup, body: BodyCheck, built: Body) -> dict[str, str]:
     """Facts, '' where there is nothing to say."""
-    scene, spec = setup.scene, setup.scene.body
+    scene, spec = setup.scene, setup.spec
     assert isinstance(spec, BodySpec)  # it has cells
     whose = "in the block" if isinstance(spec.shape, BlockShape) else "of the file"
     kind = f"tetrahedra ({scene.models.fem.element})" if spec.tetrahedral else "hexahedra"
@@ -100,7 +100,7 @@ def _of_cells(setup: Setup, body: BodyCheck, built: Body) -> dict[str, str]:
 
 def _friction(setup: Setup) -> str:
     """How friction varies over the body; '' where it does not."""
-    spec, body = setup.scene.body.uneven_friction, setup.body
+    spec, body = setup.spec.uneven_friction, setup.body
     if spec is None:
         return ""
     factor = body.friction_field.factor(rest_points(body) if body.has_cells else body.x_rest)

@@ -12,6 +12,7 @@ from softseam_protocol.messages.participant import Bundle, Configure, Configured
 from softseam_protocol.models import MODELS, service_of, taking
 from softseam_protocol.participant.requests import Participant
 from softseam_protocol.participant.solver import Solver
+from softseam_protocol.scene.bodies import AnyBody as AnyBodySpec
 from softseam_protocol.scene.file import scene_from_bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.blas import use_one_thread
@@ -38,6 +39,11 @@ class Setup:
     tools: ToolSet
     why: str = ""
     """why they name this model, where the scene itself names none"""
+
+    @property
+    def spec(self) -> AnyBodySpec:
+        """What the scene says of the body."""
+        return self.scene.body
 
 
 def build_setup(bundle: Bundle, name: str = ONLY_BODY) -> Setup:

@@ -13,7 +13,7 @@ from softseam_coupling.ledgers import Ledgers
 from softseam_protocol.participant.pile_state import join_states, split_states
 from softseam_protocol.scene.file import bundle_scene
 from softseam_services.orchestrator.piles import piles_of
-from softseam_services.orchestrator.step_losses import ManyStepLosses, StepLosses
+from softseam_services.orchestrator.step_losses import StepLosses
 from softseam_services.server import Setup, build_setup
 
 
@@ -63,29 +63,20 @@ def test_whole_bodies_of_a_model_that_piles_are_in_a_pile(setups: dict[str, Setu
 def test_losses_of_many_are_those_of_each(setups: dict[str, Setup]) -> None:
     """Bodies that hit, bounce and lose at random."""
     random = np.random.default_rng(3)
-    names = ("cube0", "cube3", "cube4")
-
-    def make() -> list[StepLosses]:
-        return [StepLosses(setups[name].scene, setups[name].body) for name in names]
-
-    each, shared = make(), make()
-    many, said = ManyStepLosses(shared), 0
+    of = [setups[name] for name in ("cube0", "cube3", "cube4")]
+    each, many, said = [StepLosses([setup]) for setup in of], StepLosses(of), 0
     for _ in range(200):
         kinetic, strain, lost = 10.0 * random.random((3, 3)) ** 4
         touches = random.random(3) < 0.5
         work = np.where(random.random(3) < 0.9, 0.0, 1.0)
         told = many.follow(kinetic, strain, lost, touches, work)
         for place, one in enumerate(each):
-            energy = {
-                "kinetic": kinetic[place].item(),
-                "strain": strain[place].item(),
-                "dissipation": lost[place].item(),
-            }
-            assert one.follow(energy, bool(touches[place]), work[place].item()) == told.get(place, "")
+            own = slice(place, place + 1)
+            alone = one.follow(kinetic[own], strain[own], lost[own], touches[own], work[own])
+            assert alone.get(0, "") == told.get(place, "")
         said += len(told)
-    many.store()
-    assert said > 2 and [one.to_list() for one in each] == [one.to_list() for one in shared]
-    assert [one.said for one in each] == [one.said for one in shared]
+    assert said > 2 and np.array_equal(many.state, np.concatenate([one.state for one in each], axis=1))
+    assert [one.said() for one in each] == [many.said(place) for place in range(3)]
 
 
 def test_a_snapshot_of_a_pile_that_ends_early_is_refused() -> None:

@@ -26,7 +26,7 @@ from softseam_services.orchestrator.pile_quantities import PileQuantities
 from softseam_services.orchestrator.pile_watch import PileWatch
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.simulated_body import SimulatedBody
-from softseam_services.orchestrator.step_losses import ManyStepLosses
+from softseam_services.orchestrator.step_losses import StepLosses
 from softseam_services.orchestrator.whereabouts import LOOK_EVERY
 from softseam_services.tools.tool_set import ToolSet
 
@@ -49,7 +49,7 @@ class PileBodies:
         self._n_tools = len(tools.names)
         self._quantities = PileQuantities(self._bodies, program)
         self._watch = PileWatch(self._bodies, tools)
-        self._losses = ManyStepLosses([body.losses for body in self._bodies])
+        self._losses = StepLosses([body.setup for body in self._bodies])
         self._inelastic = any(body.balance.inelastic for body in self._bodies)
         self._parts: list[tuple[str, tuple[str, str, int, int]]] = []
 
@@ -78,14 +78,15 @@ class PileBodies:
         """Go on from what is each body's own."""
         self._ledgers = Ledgers([body.balance.ledger for body in self._bodies], self._bodies[0].balance.limits)
         self._told = np.zeros((2, len(self._bodies)), dtype=np.bool_)
-        self._losses.load()
+        self._losses.state = np.concatenate([body.losses.state for body in self._bodies], axis=1)
         self._quantities.load()
 
     def store(self) -> None:
         """Have each body know what the steps did to it."""
         for body, ledger in zip(self._bodies, self._ledgers.states, strict=True):
             body.balance.ledger = ledger
-        self._losses.store()
+        for body, state in zip(self._bodies, self._losses.state.T, strict=True):
+            body.losses.state = state[:, None].copy()
         self._quantities.store()
 
     # ---- one step

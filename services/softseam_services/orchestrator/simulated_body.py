@@ -61,7 +61,7 @@ class SimulatedBody:
         gripped: bool = True,
         joints: NDArray[np.int32] | None = None,
     ) -> None:
-        self.name, self.scene, self.body = name, setup.scene, setup.body
+        self.name, self.setup, self.scene, self.body = name, setup, setup.scene, setup.body
         self._prefix, self._clock, self._tell = prefix, clock, tell
         inelastic = self.body.has_cells and self.body.material.n_state > 0
         self.balance = EnergyBalance(_standing(self.body), inelastic)
@@ -71,7 +71,7 @@ class SimulatedBody:
         """that hold the parts"""
         self.errors = ErrorEstimator(self.body, self.scene)
         self.warnings = StepWarnings(self.scene, tell)
-        self.losses = StepLosses(self.scene, self.body)
+        self.losses = StepLosses([setup])
         self.whereabouts = Whereabouts(self.body, setup.tools, tell)
         self.pierced = Pierced(self.body, setup.tools, tell)
         self.creep = Creep(self.body, setup.tools, LOOK_EVERY * self.scene.step, tell)
@@ -207,14 +207,14 @@ class SimulatedBody:
             fields = self.participants.observe(indicators=True, own=True)
             goal = self.regions.goal_error(fields, position, orientation)
             self.errors.look(self._clock.time, self.regions.parts, fields, goal)
-        if done and (swings := self.losses.swings):
+        if done and (swings := self.losses.swings()):
             self._tell("damped", f"step {self._clock.step - 1}: {swings}")
         estimate = self.errors.estimate() if done else None
         return None if estimate is None else self._with_losses(estimate)
 
     def _with_losses(self, estimate: ErrorEstimate) -> ErrorEstimate:
         """With what steps damped, of which fields know nothing."""
-        said = self.losses.said or self.losses.swings
+        said = self.losses.said()
         return replace(estimate, text=f"{estimate.text}; {said}") if said else estimate
 
     def estimate(self, position: Floats, orientation: Floats) -> ErrorEstimate | None:
@@ -233,8 +233,8 @@ class SimulatedBody:
         """Enter a step into the balance, with the cut that it was taken with, and what the tools' motion put in [J]."""
         entry = self.balance.book(self.regions.parts, replies, solution, drive_work)
         touches = any(bool(reply.wrench.any()) for reply in replies.values())
-        told = self.losses.follow(entry.energy, touches, drive_work)
-        if told:
+        kinetic, strain, lost = (np.array([entry.energy[name]]) for name in ("kinetic", "strain", "dissipation"))
+        for told in self.losses.follow(kinetic, strain, lost, np.array([touches]), np.array([drive_work])).values():
             self._tell("damped", f"step {self._clock.step - 1}: {told}")
         return entry
 

@@ -8,15 +8,14 @@ put down, and of none that are viscous or dragged, whose loss is their own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.models import some_read
 from softseam_protocol.scene.models import DampingSpec
-from softseam_protocol.scene.scene import Scene
-from softseam_services.body.build import AnyBody
+from softseam_services.server import Setup
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -32,143 +31,82 @@ _REST = 0.01
 
 
 class StepLosses:
-    """Of one body; what is said is about the run so far."""
+    """Of b bodies; what is said of each is about the run so far."""
 
-    def __init__(self, scene: Scene, body: AnyBody) -> None:
-        mass = body.total_mass
-        self._least = _FALL * _G * mass * float(np.ptp(body.x_rest, axis=0).max())
-        spec = scene.body
-        own = any(material.retardation_time > 0.0 for material in spec.cell_materials)
-        self._damped = own or spec.said("damping", 0.0) > 0.0 or scene.models.pbd.damping != DampingSpec()
-        self._static = scene.models.fem.integrator == "static"
-        self._takes_substeps = some_read([scene.regions.default], "pbd.substeps")
+    def __init__(self, setups: Sequence[Setup]) -> None:
+        self._least = np.array([_falling(setup) for setup in setups])
+        self._watched = np.array([_loses_by_steps(setup) for setup in setups], dtype=np.bool_)
+        self._takes_substeps = [some_read([setup.scene.regions.default], "pbd.substeps") for setup in setups]
         self.forget()
 
     def forget(self) -> None:
         """The last step is another's."""
-        self._free, self._came, self._lost = 0.0, 0.0, 0.0
-        self._touched = self._touches = False
-        self._largest = self._taken = self._worst = 0.0
-
-    def follow(self, energy: Mapping[str, float], touches: bool, drive_work: float) -> str:
-        """A step was taken, with this ledger [J], in which tools that touched the body, or none, put this in [J]; what
-        is to be told of a bounce that ended in it, '' for nothing."""
-        if self._damped or self._static:
-            return ""
-        kinetic, dissipation = energy["kinetic"], energy["dissipation"]
-        self._touched = self._touched or touches
-        self._taken += dissipation
-        self._largest = max(self._largest, kinetic + energy["strain"])
-        told = ""
-        if touches:
-            if not self._touches:
-                self._came, self._lost = self._free if self._free > self._least else 0.0, 0.0
-            self._lost += dissipation
-            if drive_work != 0.0:
-                self._came = 0.0
-        if self._came > 0.0 and (not touches or kinetic < _REST * self._came):
-            told, self._came = self._tell(self._lost / self._came), 0.0
-        if not touches:
-            self._free = kinetic
-        self._touches = touches
-        return told
-
-    def _tell(self, share: float) -> str:
-        if share <= max(LIMIT, self._worst):
-            return ""
-        self._worst = share
-        return self.last
-
-    @property
-    def said(self) -> str:
-        """Of the worst bounce, '' for none."""
-        if self._worst == 0.0:
-            return ""
-        share = 100.0 * min(self._worst, 1.0)
-        return f"steps took {share:.0f} % of the energy with which it hit: it bounces too little"
-
-    @property
-    def last(self) -> str:
-        """The same, with a remedy."""
-        return f"{self.said}; {self._advice}"
-
-    @property
-    def watches(self) -> bool:
-        """Whether a loss would be the steps', not the body's own."""
-        return not (self._damped or self._static)
-
-    @property
-    def least(self) -> float:
-        """Energy with which it comes fast [J]."""
-        return self._least
-
-    def to_list(self) -> list[float]:
-        """All that evolves, as `take` reads it."""
-        bounce = [self._free, self._came, self._lost, float(self._touched), float(self._touches)]
-        return [*bounce, self._largest, self._taken, self._worst]
-
-    def take(self, numbers: list[float]) -> None:
-        """Continue from `to_list`."""
-        self._free, self._came, self._lost, touched, touches, self._largest, self._taken, self._worst = numbers
-        self._touched, self._touches = touched != 0.0, touches != 0.0
-
-    @property
-    def swings(self) -> str:
-        """That steps took much of what no tool touched; '' where they did not."""
-        if self._touched or self._damped or self._static or self._taken <= LIMIT * self._largest:
-            return ""
-        share = 100.0 * self._taken / self._largest
-        return f"steps took {share:.0f} % of the most that moved or was strained, which no tool touched; {self._advice}"
-
-    @property
-    def _advice(self) -> str:
-        if self._takes_substeps:
-            return "take more models.pbd.substeps"  # that are `auto` are as long in shorter steps
-        return "shorten the step, take regions: {default: pbd}, or models.fem: {integrator: midpoint, radius: 0.9}"
-
-
-class ManyStepLosses:
-    """The same of many bodies at once, in arrays of b: what evolves is theirs again after `store`."""
-
-    def __init__(self, each: Sequence[StepLosses]) -> None:
-        self._each = each
-        self._watches = np.array([one.watches for one in each], dtype=np.bool_)
-        self._least = np.array([one.least for one in each])
-        self.load()
-
-    def load(self) -> None:
-        """Go on from what each has seen."""
-        numbers = np.array([one.to_list() for one in self._each]).T
-        self._free, self._came, self._lost, touched, touches, self._largest, self._taken, self._worst = numbers.copy()
-        self._touched, self._touches = touched != 0.0, touches != 0.0
-
-    def store(self) -> None:
-        """Have each know what it has seen."""
-        rows = (self._free, self._came, self._lost, self._touched, self._touches, self._largest, self._taken)
-        for one, numbers in zip(self._each, np.array([*rows, self._worst], dtype=np.float64).T.tolist(), strict=True):
-            one.take(numbers)
+        self.state: Floats = np.zeros((8, len(self._least)))
+        """all that evolves, a column a body: energies as each was free last, as it came, and lost since, the largest
+        that moved or was strained, and what steps took [J]; the worst share of a bounce [1]; 1 for bodies that tools
+        have touched, and for those that they touch"""
 
     def follow(
         self, kinetic: Floats, strain: Floats, dissipation: Floats, touches: Mask, drive_work: Floats
     ) -> dict[int, str]:
-        """A step was taken by all, see `StepLosses.follow`; what is to be said, by the place of the body."""
-        self._touched |= touches
-        self._taken += dissipation
-        np.maximum(self._largest, kinetic + strain, out=self._largest)
-        begins = touches & ~self._touches
-        self._came[begins] = np.where(self._free > self._least, self._free, 0.0)[begins]
-        self._lost[begins] = 0.0
-        self._lost += np.where(touches, dissipation, 0.0)
-        self._came[touches & (drive_work != 0.0)] = 0.0
-        ends = (self._came > 0.0) & (~touches | (kinetic < _REST * self._came)) & self._watches
-        said = {}
+        """A step was taken by all, with these energies [J], in which tools that touched each, or none, put this in [J],
+        all (b,); what is to be told of bounces that ended in it, by the place of the body."""
+        free, came, lost, largest, taken, worst, touched, touching = self.state
+        begins = touches > touching
+        touching[:] = touches
+        np.maximum(touched, touches, out=touched)
+        taken += dissipation
+        np.maximum(largest, kinetic + strain, out=largest)
+        if not touches.any() and not came.any():
+            free[:] = kinetic
+            return {}
+        came[:] = np.where(begins, np.where(free > self._least, free, 0.0), came)
+        came[touches & (drive_work != 0.0)] = 0.0
+        lost[:] = np.where(begins, 0.0, lost) + np.where(touches, dissipation, 0.0)
+        ends = (came > 0.0) & (~touches | (kinetic < _REST * came)) & self._watched
+        told = {}
         for place in np.flatnonzero(ends).tolist():
-            share = float(self._lost[place] / self._came[place])
-            self._came[place] = 0.0
-            if share > max(LIMIT, self._worst[place]):
-                self._worst[place] = share
-                self.store()
-                said[place] = self._each[place].last
-        self._free = np.where(touches, self._free, kinetic)
-        self._touches = touches.copy()
-        return said
+            share, came[place] = float(lost[place] / came[place]), 0.0
+            if share > max(LIMIT, worst[place]):
+                worst[place] = share
+                told[place] = f"{self._said(place)}; {self._advice(place)}"
+        free[:] = np.where(touches, free, kinetic)
+        return told
+
+    def _said(self, place: int) -> str:
+        """Of the worst bounce of a body, '' for none."""
+        worst = float(self.state[5, place])
+        if worst == 0.0:
+            return ""
+        return f"steps took {100.0 * min(worst, 1.0):.0f} % of the energy with which it hit: it bounces too little"
+
+    def swings(self, place: int = 0) -> str:
+        """That steps took much of what no tool touched; '' where they did not."""
+        _, _, _, largest, taken, _, touched, _ = self.state[:, place].tolist()
+        if touched or not self._watched[place] or taken <= LIMIT * largest:
+            return ""
+        share = 100.0 * taken / largest
+        most = f"steps took {share:.0f} % of the most that moved or was strained, which no tool touched"
+        return f"{most}; {self._advice(place)}"
+
+    def said(self, place: int = 0) -> str:
+        """The worst of both."""
+        return self._said(place) or self.swings(place)
+
+    def _advice(self, place: int) -> str:
+        if self._takes_substeps[place]:
+            return "take more models.pbd.substeps"  # that are `auto` are as long in shorter steps
+        return "shorten the step, take regions: {default: pbd}, or models.fem: {integrator: midpoint, radius: 0.9}"
+
+
+def _falling(setup: Setup) -> float:
+    """Energy with which a body comes fast [J]."""
+    return _FALL * _G * setup.body.total_mass * float(np.ptp(setup.body.x_rest, axis=0).max())
+
+
+def _loses_by_steps(setup: Setup) -> bool:
+    """Whether a loss would be the steps', not the body's own."""
+    spec, models = setup.spec, setup.scene.models
+    viscous = any(material.retardation_time > 0.0 for material in spec.cell_materials)
+    damped = viscous or spec.said("damping", 0.0) > 0.0 or models.pbd.damping != DampingSpec()
+    return not damped and models.fem.integrator != "static"
