@@ -17,8 +17,8 @@ from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body
 from softseam_services.body.particles import ParticleBody
+from softseam_services.checks.seen import Cells
 from softseam_services.server import build_setup
-from softseam_services.to_check import Cells
 from softseam_services.tools.build import build_tools
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -49,7 +49,9 @@ def test_scene_builds(name: str) -> None:
     tools = build_tools(scene, body)
     check = check_body(body)
     assert isinstance(scene.body, BodySpec)
-    of_body = [checks.CELLS[row].look(Cells(scene, body, tools)) for row in ("cells", "materials", "inclusions")]
+    of_body = [
+        checks.CELLS[row].look(Cells(scene, scene.body, body, tools)) for row in ("cells", "materials", "inclusions")
+    ]
     assert not any(map(list, of_body)) or name == "dumpling"
     more = sum(part.volume * (part.density - scene.body.material.density) for part in check.parts)
     assert check.mass == pytest.approx(scene.body.material.density * check.volume + more, rel=1e-12)
