@@ -60,10 +60,8 @@ class EmbeddedBackend:
 
     def doubts(self, scene: Scene) -> list[str]:
         from softseam_services.checks import doubts, size_of
-        from softseam_services.server import Setup
 
-        tools = self.simulation.tools
-        setups = {name: Setup(one.scene, one.body, tools) for name, one in self.simulation.bodies.items()}
+        setups = {name: one.setup for name, one in self.simulation.bodies.items()}
         with translated():
             return checks.doubts(scene, {name: (size_of(setup), doubts(setup)) for name, setup in setups.items()})
 

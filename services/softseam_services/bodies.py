@@ -8,8 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from softseam_protocol.scene.bodies import BodySpec
-from softseam_protocol.scene.particles import RopeBody, SheetBody, TetMeshBody
+from softseam_protocol.scene.bodies import AnyBody as AnyBodySpec
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.table import Table
 from softseam_services.body.build import AnyBody, build_cells
@@ -25,46 +24,45 @@ Files = Mapping[str, bytes]
 class Discretised(Protocol):
     """What a row returns."""
 
-    def stand(self, scene: Scene) -> AnyBody:
-        """The body in a scene with that body alone; the same scene gives the same bits in every process."""
+    def stand(self, scene: Scene, spec: Any) -> AnyBody:
+        """The body, of this specification, in a scene with that body alone; the same scene gives the same bits in every
+        process."""
 
 
 @dataclass(frozen=True)
 class _InScene:
     """A body that more of its scene decides than its own keys: tools that its cells end at, gravity, models."""
 
-    build: Callable[[Scene], AnyBody]
+    build: Callable[[Scene, Any, Files], AnyBody]
+    files: Files
 
-    def stand(self, scene: Scene) -> AnyBody:
-        return self.build(scene)
-
-
-def _cells(spec: BodySpec, files: Files) -> Discretised:
-    return _InScene(lambda scene: build_cells(scene, spec, files))
+    def stand(self, scene: Scene, spec: Any) -> AnyBody:
+        return self.build(scene, spec, self.files)
 
 
-def _sheet(spec: SheetBody, files: Files) -> Discretised:
-    return _InScene(lambda scene: build_sheet(scene, spec))
+Row = Callable[[Any, Files], Discretised]
 
 
-def _rope(spec: RopeBody, files: Files) -> Discretised:
-    return _InScene(lambda scene: build_rope(scene, spec))
+def _in_scene(build: Callable[[Scene, Any, Files], AnyBody]) -> Row:
+    return lambda spec, files: _InScene(build, files)
 
 
-def _tet_mesh(spec: TetMeshBody, files: Files) -> Discretised:
-    return _InScene(lambda scene: build_tet_mesh(scene, spec, files))
-
-
-DISCRETISATIONS: Table[Callable[[Any, Files], Discretised]] = Table(
-    "discretisations of bodies", {"cells": _cells, "sheet": _sheet, "rope": _rope, "tet_mesh": _tet_mesh}
+DISCRETISATIONS: Table[Row] = Table(
+    "discretisations of bodies",
+    {
+        "cells": _in_scene(build_cells),
+        "sheet": _in_scene(lambda scene, spec, files: build_sheet(scene, spec)),
+        "rope": _in_scene(lambda scene, spec, files: build_rope(scene, spec)),
+        "tet_mesh": _in_scene(build_tet_mesh),
+    },
 )
 """what builds each specification in softseam_protocol.scene.bodies.BODIES"""
 
 
-def build_any_body(scene: Scene, files: Files) -> AnyBody:
-    """The only body of a scene, of whatever kind; the same scene and files give the same bits in every process.
+def build_any_body(scene: Scene, spec: AnyBodySpec, files: Files) -> AnyBody:
+    """The body of a scene with that body alone, of whatever kind; the same bits in every process.
 
     files: contents by the path that the scene gives them. Raises MeshError where a shape cannot be simulated, and
     MissingRow where the kind has no row.
     """
-    return DISCRETISATIONS[scene.body.kind](scene.body, files).stand(scene)
+    return DISCRETISATIONS[spec.kind](spec, files).stand(scene, spec)

@@ -35,27 +35,25 @@ class Setup:
 
     scene: Scene
     """with that body alone, and regions that name a model"""
+    spec: AnyBodySpec
+    """of the body"""
     body: AnyBody
     tools: ToolSet
     why: str = ""
     """why they name this model, where the scene itself names none"""
 
-    @property
-    def spec(self) -> AnyBodySpec:
-        """What the scene says of the body."""
-        return self.scene.body
-
 
 def build_setup(bundle: Bundle, name: str = ONLY_BODY) -> Setup:
     """Scene, body of that name and tools of a bundle. Raises SceneError, MeshError, ToolError or SettingError, and
     KeyError where the scene has no such body."""
-    scene = scene_from_bundle(bundle).of(name)
-    body = build_any_body(scene, bundle.files)
+    whole = scene_from_bundle(bundle)
+    scene, spec = whole.of(name), whole.bodies[name]
+    body = build_any_body(scene, spec, bundle.files)
     tools = build_tools(scene, body, bundle.files)
     if body.has_cells:
         check_symmetry(scene, body, tools)
-    scene, why = with_model(scene, body, tools)
-    return Setup(scene, body, tools, why)
+    scene, why = with_model(scene, spec, body, tools)
+    return Setup(scene, spec, body, tools, why)
 
 
 def build_solver(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Configured]:

@@ -94,7 +94,8 @@ def test_what_needs_cells_is_refused_by_name(changes: dict[str, Any]) -> None:
 
 def test_a_part_of_points_has_a_mesh_without_cells() -> None:
     """By which a model from outside knows its points, and which surface points follow them."""
-    body = beads(BeadsBody(count=2, height=0.01), {}).stand(scene(body={"kind": "beads", "count": 2, "height": 0.01}))
+    spec, alone = BeadsBody(count=2, height=0.01), scene(body={"kind": "beads", "count": 2, "height": 0.01})
+    body = beads(spec, {}).stand(alone, spec)
     mesh = part_mesh(body, cut("body", body, np.zeros(0, dtype=bool), "pbd", "pbd"), "body.far")
     assert mesh is not None and mesh.cell_nodes.shape == (0, 27)
     np.testing.assert_array_equal(mesh.mass, np.full(4, MASS))
@@ -131,4 +132,4 @@ def test_arrays_that_do_not_fit_are_refused(changes: dict[str, Any], said: str) 
     own: dict[str, Any] = {"x_rest": np.zeros((1, 3)), "mass": np.ones(1)}
     own |= {"surface": Surface(np.zeros(1, dtype=int), np.zeros((1, 3)), np.zeros((0, 3), dtype=int))}
     with pytest.raises(MeshError, match=said):
-        Points(**own | changes).stand(scene(body={"kind": "beads", "count": 1, "height": 0.01}))
+        Points(**own | changes).stand(scene(), BeadsBody(count=1, height=0.01))

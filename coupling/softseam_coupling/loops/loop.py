@@ -169,7 +169,7 @@ class Loop(Protocol):
         """The parts took a snapshot or were restored: what they keep of one another is sent again."""
 
     def to_arrays(self) -> dict[str, Floats]:
-        """Everything that evolves, but what the parts report anew, for a snapshot."""
+        """Everything that evolves, but what the parts report anew, for a snapshot: arrays that it writes to no more."""
 
     def take(self, arrays: Mapping[str, Floats]) -> None:
         """Continue from `to_arrays`. Raises KeyError or ValueError where these are of others."""

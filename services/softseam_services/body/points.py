@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.scene.bodies import AnyBody
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Floats
 from softseam_services.body.errors import MeshError
@@ -43,9 +44,9 @@ class Points:
     damping: float = 0.0
     """drag of still air: force over mass and velocity, in xpbd [1/s]"""
 
-    def stand(self, scene: Scene) -> ParticleBody:
-        """The body in a scene with that body alone. Raises MeshError where arrays do not fit."""
-        spec, n, x = scene.body, len(self.x_rest), np.ascontiguousarray(self.x_rest, dtype=np.float64)
+    def stand(self, scene: Scene, spec: AnyBody) -> ParticleBody:
+        """The body in a scene with that body alone, by its specification. Raises MeshError where arrays do not fit."""
+        n, x = len(self.x_rest), np.ascontiguousarray(self.x_rest, dtype=np.float64)
         self._check(spec.kind)
         owner, offset = np.asarray(self.surface.owner, dtype=np.int32), np.asarray(self.surface.offset, dtype=float)
         radius = float(np.linalg.norm(offset, axis=1).max(initial=0.0))

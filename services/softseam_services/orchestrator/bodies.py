@@ -9,6 +9,8 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 
+import numpy as np
+
 from softseam_coupling.islands import islands_of
 from softseam_coupling.ladder import Standing
 from softseam_coupling.loops.loop import Outcome
@@ -16,6 +18,7 @@ from softseam_protocol.messages.names import prefix
 from softseam_protocol.messages.participant import Bundle, ToolMotion
 from softseam_protocol.messages.session import InterfaceReport
 from softseam_protocol.scene.scene import Scene
+from softseam_services.orchestrator.archive import Arrays, floats, named, under
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.islands import advance_all
 from softseam_services.orchestrator.joined_bodies import Between, JoinedBodies, interfaces_of, joints_of
@@ -27,7 +30,6 @@ from softseam_services.orchestrator.pile_bodies import PileBodies
 from softseam_services.orchestrator.piles import piles_of
 from softseam_services.orchestrator.probes import share_probes
 from softseam_services.orchestrator.program import Program
-from softseam_services.orchestrator.saved_state import SavedBodies
 from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.sleeping import Sleeping
 from softseam_services.orchestrator.solutions import Solutions
@@ -254,44 +256,48 @@ class Bodies:
         for island in self._joined:
             island.forget_sent()
 
-    def save(self) -> SavedBodies:
+    def save(self) -> Arrays:
         """All that evolves."""
         self.store()
-        return SavedBodies(
-            {name: body.save() for name, body in self.named.items()},
-            {island.name: island.save() for island in self._joined},
-            self._sleeping.save(),
-            {name: ladder.at for name, ladder in self._ladders.items()},
-        )
+        found: Arrays = {}
+        for name, body in self.named.items():
+            found |= under(f"bodies/{name}/", body.save())
+        for island in self._joined:
+            found |= under(f"joined/{island.name}/", island.save())
+        rungs = {name: np.array([ladder.at]) for name, ladder in self._ladders.items()}
+        return found | under("sleeping/", self._sleeping.save()) | under("rung/", rungs)
 
-    def check(self, saved: SavedBodies) -> None:
+    def check(self, saved: Arrays) -> None:
         """Raise KeyError, ValueError or IndexError where a state is not these bodies'; changes nothing."""
         for name, body in self._standing(saved).items():
-            body.check(saved.named[name])
+            body.check(named(saved, f"bodies/{name}/"))
         for island in self._joined:
-            island.check(saved.joined[island.name])
-        self._sleeping.read(saved.sleeping)
+            island.check(floats(named(saved, f"joined/{island.name}/")))
+        self._sleeping.read(named(saved, "sleeping/"))
 
-    def load(self, saved: SavedBodies) -> None:
+    def load(self, saved: Arrays) -> None:
         """Continue from `save`, once that is checked, and after the clock."""
         for name, body in self._standing(saved).items():
             self._stand_on(name, body)
+            body.load(named(saved, f"bodies/{name}/"))
         for name, ladder in self._ladders.items():
-            ladder.at = saved.rungs[name]
-        for name, body in self.named.items():
-            body.load(saved.named[name])
+            ladder.at = _rung(saved, name)
         for pile in self.piles:
             pile.pile.restore(self._clock.step)
             pile.begin()
         for island in self._joined:
-            island.load(saved.joined[island.name])
-        self._sleeping.load(saved.sleeping)
+            island.load(floats(named(saved, f"joined/{island.name}/")))
+        self._sleeping.load(named(saved, "sleeping/"))
         for name, outcome in self._sleeping.outcomes().items():
             for pile in self.piles:
                 if name in pile.pile.names:
                     (reply,) = outcome.replies.values()
                     pile.stand(name, reply)
 
-    def _standing(self, saved: SavedBodies) -> dict[str, SimulatedBody]:
+    def _standing(self, saved: Arrays) -> dict[str, SimulatedBody]:
         """The bodies on the rungs that were saved."""
-        return self.named | {name: ladder.body(saved.rungs[name]) for name, ladder in self._ladders.items()}
+        return self.named | {name: ladder.body(_rung(saved, name)) for name, ladder in self._ladders.items()}
+
+
+def _rung(saved: Arrays, body: str) -> int:
+    return int(saved[f"rung/{body}"].flat[0])

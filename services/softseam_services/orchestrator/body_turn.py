@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Advanced, BodyState, Fields, PartMesh, ToolMotion
 from softseam_protocol.models import facts_of
-from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.bodies import AnyBody
+from softseam_protocol.scene.models import ModelsSpec
 from softseam_services.body.kernels.turning import (
     ANGULAR,
     LEAST_TURN,
@@ -40,18 +41,21 @@ _N_CHANGE = 6
 
 
 class BodyTurn:
-    """Of one body in parts; sums that are NaN: it is not followed."""
+    """Of one body in parts; sums that are NaN: it is not followed.
 
-    def __init__(self) -> None:
-        self._sums, self._change = np.full(N_SUMS, np.nan), np.zeros(_N_CHANGE)
+    may  whether it is to be, see `keeps_momentum`
+    """
+
+    def __init__(self, may: bool = False) -> None:
+        self._may, self._sums, self._change = may, np.full(N_SUMS, np.nan), np.zeros(_N_CHANGE)
         self._turns = False
 
-    def start(self, scene: Scene, meshes: Iterable[PartMesh | None], state: BodyState, dt: float) -> None:
+    def start(self, meshes: Iterable[PartMesh | None], state: BodyState, dt: float) -> None:
         """The parts begin with this state of the whole body, with steps of dt [s]."""
-        self.__init__()  # type: ignore[misc]
+        self._sums, self._change, self._turns = np.full(N_SUMS, np.nan), np.zeros(_N_CHANGE), False
         parts = list(meshes)
         known = [part for part in parts if part is not None and not part.fixed.any()]
-        if len(known) < len(parts) or not _keeps_momentum(scene):
+        if len(known) < len(parts) or not self._may:
             return
         self._sums = np.zeros(N_SUMS)
         for part in known:
@@ -186,14 +190,13 @@ def turn_about_one_another(
     return inverse @ (spin + dt * torque - found), centre
 
 
-def _keeps_momentum(scene: Scene) -> bool:
+def keeps_momentum(spec: AnyBody, models: ModelsSpec) -> bool:
     """Whether nothing but tools and gravity acts on the body, by steps that have no memory of velocities, and its laws
     know turns."""
-    body = scene.body
-    if any(material.kind == "linear" for material in body.cell_materials):
+    if any(material.kind == "linear" for material in spec.cell_materials):
         return False
-    drag = body.said("damping", 0.0) if body.has_cells else 0.0
-    return drag == 0.0 and scene.models.pbd.damping.mass == 0.0 and scene.models.fem.integrator == "implicit_euler"
+    drag = spec.said("damping", 0.0) if spec.has_cells else 0.0
+    return drag == 0.0 and models.pbd.damping.mass == 0.0 and models.fem.integrator == "implicit_euler"
 
 
 def _changed(reply: Advanced, centre: Floats, turn: Floats, shift: Floats) -> Advanced:

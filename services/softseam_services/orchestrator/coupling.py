@@ -12,11 +12,11 @@ from softseam_coupling.interface import Interface
 from softseam_coupling.loops import LOOPS
 from softseam_coupling.loops.loop import Loop, LoopSetup, Unsuited
 from softseam_coupling.mortar import SeamTie
-from softseam_protocol.scene.regions import SeamSpec
 from softseam_services.body.body import Body
-from softseam_services.orchestrator.body_turn import BodyTurn
+from softseam_services.orchestrator.body_turn import BodyTurn, keeps_momentum
 from softseam_services.orchestrator.parts import Parts, side_mass
 from softseam_services.orchestrator.subdivision import Subdivision
+from softseam_services.server import Setup
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class Coupling:
     """of the body that is in these parts"""
 
     def to_arrays(self) -> dict[str, Floats]:
-        """Everything that evolves, for a snapshot."""
+        """Everything that evolves, in arrays that nobody writes to, for a snapshot."""
         pace = np.array(self.pace.to_list(), dtype=np.float64)
         return {**self.loop.to_arrays(), _PACE: pace, _TURN: self.turn.to_array()}
 
@@ -47,15 +47,16 @@ class Coupling:
         self.loop.take({name: array for name, array in arrays.items() if name not in (_PACE, _TURN)})
 
 
-def couple(seam: SeamSpec, body: Body, parts: Parts, tie: SeamTie, first: Floats | None) -> Coupling:
+def couple(setup: Setup, body: Body, parts: Parts, tie: SeamTie, first: Floats | None) -> Coupling:
     """What ties two parts as an interface, and the loop that the scene asks for.
 
     first  multiplier that belongs to the parts' state (s, 3) [N], zero if absent
 
     Raises Unsuited where that loop cannot couple them.
     """
+    seam, turn = setup.scene.seam, BodyTurn(keeps_momentum(setup.spec, setup.scene.models))
     (a, b), nodes = parts.names, np.arange(len(parts.seam), dtype=np.int32)
-    setup = LoopSetup(
+    built = LoopSetup(
         interfaces=(Interface(parts.interface, (a, b), (nodes, nodes), (None, tie.p), tie.c),),
         mobility={name: 1.0 / side_mass(body, parts.cells[name])[parts.seam] for name in (a, b)},
         tolerance=seam.tolerance * body.resolution,
@@ -63,4 +64,4 @@ def couple(seam: SeamSpec, body: Body, parts: Parts, tie: SeamTie, first: Floats
         exchanges=seam.exchanges,
         first=first,
     )
-    return Coupling(LOOPS[seam.scheme](setup))
+    return Coupling(LOOPS[seam.scheme](built), turn=turn)

@@ -12,6 +12,7 @@ import numpy as np
 
 from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT, ModelKind
+from softseam_protocol.scene.bodies import AnyBody as AnyBodySpec
 from softseam_protocol.scene.consistency import fits
 from softseam_protocol.scene.implied import implied_model
 from softseam_protocol.scene.regions import NearSpec
@@ -34,11 +35,10 @@ _ANY = ("cells", "particles")
 """kinds that the scene's other bodies may be of: what goes with them was checked as it was read"""
 
 
-def with_model(scene: Scene, body: AnyBody, tools: ToolSet) -> tuple[Scene, str]:
+def with_model(scene: Scene, spec: AnyBodySpec, body: AnyBody, tools: ToolSet) -> tuple[Scene, str]:
     """The scene of one body with regions that name a model, and why; '' where nothing was to be decided."""
     if scene.regions.default is not None:
         return scene, ""
-    spec = scene.body
     if not body.has_cells:
         return _given(scene, spec.usual_model), ""
     implied = implied_model(spec, scene.models, scene.symmetry)

@@ -13,6 +13,7 @@ from softseam_coupling.loops.loop import Outcome, largest
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import InterfaceReport, PartReport
 from softseam_protocol.models import facts_of
+from softseam_services.orchestrator.archive import Arrays
 from softseam_services.orchestrator.parts import Parts
 
 Floats = NDArray[np.float64]
@@ -137,6 +138,17 @@ class EnergyBalance:
     def energies(self) -> Energies:
         """Of the body as it stands."""
         return self.begun if self.ledger is None else self.ledger.last
+
+    def save(self) -> Arrays:
+        """What evolves of it, but for what was told."""
+        ledger = [] if self.ledger is None else self.ledger.to_list()
+        begun = [self.begun.kinetic, self.begun.strain, self.begun.gravity]
+        return {"ledger": np.array(ledger, dtype=np.float64), "begun": np.array(begun)}
+
+    def load(self, saved: Mapping[str, NDArray[np.generic]]) -> None:
+        """Continue from `save`. Raises KeyError, ValueError or TypeError, and changes nothing, where it is none."""
+        ledger, begun = (saved[name].astype(np.float64).tolist() for name in ("ledger", "begun"))
+        self.ledger, self.begun = LedgerState.from_list(ledger) if ledger else None, Energies(*begun)
 
     def take_over(self, other: EnergyBalance) -> None:
         """Go on with what was booked of the same body."""

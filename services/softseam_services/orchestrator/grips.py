@@ -136,11 +136,6 @@ class Grips:
         ]
         return np.array([number for row in rows for number in row], dtype=np.float64)
 
-    def check(self, saved: Floats) -> None:
-        """Raise ValueError where `save` was of other grips."""
-        if saved.shape != self.save().shape:
-            raise ValueError("the tools that close are others")
-
     def load(self, saved: Floats) -> None:
         """Continue from `save`."""
         numbers = iter(saved.tolist())

@@ -23,7 +23,8 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.errors import SettingError
 from softseam_services.body.kernels.turning import MASS, MOTION, PLACE
-from softseam_services.orchestrator.body_turn import BodyTurn, turn_about_one_another
+from softseam_services.orchestrator.archive import named, under
+from softseam_services.orchestrator.body_turn import BodyTurn, keeps_momentum, turn_about_one_another
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.meetings import meeting_of
 from softseam_services.orchestrator.part_client import StepFailed
@@ -98,7 +99,8 @@ class JoinedBodies:
         self.name = "+".join(bodies)
         self.members = {name: body.participants for name, body in bodies.items()}
         """who holds the part of each body"""
-        self._scene, self._scenes = scene, {name: body.scene for name, body in bodies.items()}
+        self._scene = scene
+        self._keeps = {name: keeps_momentum(body.setup.spec, body.scene.models) for name, body in bodies.items()}
         self._bodies = {name: cast(Body, body.body) for name, body in bodies.items()}
         self._interfaces, self._transport, self._clock, self._report = interfaces, transport, clock, report
         self._joints = {name: joints_of(name, interfaces) for name in bodies}
@@ -116,11 +118,11 @@ class JoinedBodies:
         for name, between in self._interfaces.items():
             between.kind.load(self._start[name])
         self._x = {name: self._bodies[name].x_rest[nodes] for name, nodes in self._joints.items()}
-        self._pace, self._turns = Subdivision(), {name: BodyTurn() for name in self.members}
+        self._pace, self._turns = Subdivision(), {name: BodyTurn(keeps) for name, keeps in self._keeps.items()}
         for name, turn in self._turns.items():
             body, parts = self._bodies[name], self.members[name].parts
             meshes = [part_mesh(body, parts, part) for part in parts.names]
-            turn.start(self._scenes[name], meshes, resting_state(body), self._clock.dt)
+            turn.start(meshes, resting_state(body), self._clock.dt)
         self._tie()
         self._loop.begin(self._able())
 
@@ -188,8 +190,8 @@ class JoinedBodies:
         """
         for member in self.members.values():
             member.make_ready()
-        self._before = None if alone else self._arrays()
         began, kept = self._arrays(), dict[str, Kept]()
+        self._before = None if alone else began
 
         def keep() -> None:
             if not kept:
@@ -275,7 +277,7 @@ class JoinedBodies:
     def _commit(self, interfaces: tuple[Interface, ...], solution: Outcome, after: Arrays, dt: float) -> None:
         """A step of dt [s], perhaps a part of one, came to these places of the coupling nodes (j, 3) [m]."""
         before = {name: self._of(between) for name, between in self._interfaces.items()}
-        self._x = {name: x.copy() for name, x in after.items()}
+        self._x = after
         for interface, own in zip(interfaces, _split(interfaces, solution.multipliers), strict=True):
             between = self._interfaces[interface.name]
             x = self._of(between)
@@ -330,10 +332,10 @@ class JoinedBodies:
                 raise ValueError(f"the saved interfaces do not act on {len(nodes)} nodes of {name!r}")
             BodyTurn().take(arrays[f"turn.{name}"])
         Subdivision().take(arrays["pace"].tolist())
-        self._loop_of(self._rows(self._clock.dt)).take(_named(arrays, "loop."))
+        self._loop_of(self._rows(self._clock.dt)).take(named(arrays, "loop."))
         try:
             for name, between in self._interfaces.items():
-                between.kind.load(_named(arrays, f"interface.{name}."))
+                between.kind.load(named(arrays, f"interface.{name}."))
         finally:
             for name, between in self._interfaces.items():
                 between.kind.load(kinds[name])
@@ -344,8 +346,8 @@ class JoinedBodies:
         self._take(arrays)
 
     def _arrays(self) -> Arrays:
-        found = {f"loop.{key}": array.copy() for key, array in self._loop.to_arrays().items()}
-        found |= {f"x.{name}": x.copy() for name, x in self._x.items()}
+        """All that evolves, in arrays that nobody writes to."""
+        found = under("loop.", self._loop.to_arrays()) | under("x.", self._x)
         found |= {f"turn.{name}": turn.to_array() for name, turn in self._turns.items()}
         for name, between in self._interfaces.items():
             found |= {f"interface.{name}.{key}": array.copy() for key, array in between.kind.save().items()}
@@ -357,9 +359,9 @@ class JoinedBodies:
         for name, turn in self._turns.items():
             turn.take(arrays[f"turn.{name}"])
         for name, between in self._interfaces.items():
-            between.kind.load(_named(arrays, f"interface.{name}."))
+            between.kind.load(named(arrays, f"interface.{name}."))
         self._pace.take(arrays["pace"].tolist())
-        self._loop.take(_named(arrays, "loop."))
+        self._loop.take(named(arrays, "loop."))
         self._loop.begin(self._able())
         self._loop.forget_sent()
 
@@ -372,7 +374,3 @@ def _sides(between: Between) -> list[tuple[str, Ints]]:
 def _split(interfaces: tuple[Interface, ...], multipliers: Floats) -> list[Floats]:
     """Multipliers of all rows, by interface."""
     return np.split(multipliers, np.cumsum([each.n_rows for each in interfaces])[:-1])
-
-
-def _named(arrays: Mapping[str, Floats], begin: str) -> Arrays:
-    return {name.removeprefix(begin): array for name, array in arrays.items() if name.startswith(begin)}

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import AnyBody
+from softseam_services.orchestrator.archive import Arrays, floats
 from softseam_services.orchestrator.drives import Drives
+from softseam_services.orchestrator.force_search import ForceSearch
 from softseam_services.orchestrator.grips import Grips, Placed
 from softseam_services.orchestrator.program import Program, Progress
-from softseam_services.orchestrator.saved_state import SavedTools
 from softseam_services.tools.motion import tool_motion
 from softseam_services.tools.tool_set import ToolSet
 from softseam_services.tools.travel import beyond_middle
@@ -183,22 +184,28 @@ class MovingTools:
 
     # ---- snapshots
 
-    def save(self) -> SavedTools:
+    def save(self) -> Arrays:
         """All that evolves."""
-        drives, grips = self._drives.save(), self.program.grips.save()
-        return SavedTools(self._progress, self.lifting, self.position, self.orientation, drives, self._gripping, grips)
+        progress = self._progress
+        return {
+            "progress": np.array([progress.phase, progress.elapsed, self.lifting, *progress.search.to_list()]),
+            "position": self.position,
+            "orientation": self.orientation,
+            "drives": self._drives.save(),
+            "gripping": self._gripping,
+            "grips": self.program.grips.save(),
+        }
 
-    def load(self, saved: SavedTools) -> None:
-        """Continue from `save`. Raises ValueError, and has changed nothing, where that is of other tools."""
-        position = saved.position.reshape(self.position.shape)
-        orientation = saved.orientation.reshape(self.orientation.shape)
-        drives = saved.drives.reshape(self._drives.save().shape)
-        gripping = saved.gripping.reshape(self._gripping.shape)
-        self.program.grips.check(saved.grips)
-        self.program.grips.load(saved.grips)
-        self._progress, self.lifting = saved.progress, saved.lifting
-        self.position, self.orientation, self._gripping = position, orientation, gripping
-        self._drives.load(drives)
+    def load(self, saved: Arrays) -> None:
+        """Continue from `save`. Raises KeyError or ValueError, and changes nothing, where that is of other tools."""
+        now = self.save()
+        known = floats({name: saved[name].reshape(array.shape) for name, array in now.items()})
+        phase, elapsed, lifting, *search = known["progress"].tolist()
+        self.program.grips.load(known["grips"])
+        self._progress = Progress(int(phase), elapsed, ForceSearch.from_list(search))
+        self.lifting, self.position, self.orientation = bool(lifting), known["position"], known["orientation"]
+        self._gripping = known["gripping"].astype(np.int8)
+        self._drives.load(known["drives"])
         self._ahead = self._promised = None
 
     # ---- by hand

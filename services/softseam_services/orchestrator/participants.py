@@ -95,7 +95,7 @@ class Participants:
         parts, self._coupling = tied
         meshes = {name: self._mesh(parts, name) for name in parts.names}
         if self._coupling is not None and state is not None:
-            self._coupling.turn.start(self._scene, meshes.values(), state, self._clock.dt)
+            self._coupling.turn.start(meshes.values(), state, self._clock.dt)
         energies = self._client.build(parts, state, meshes)
         if self._coupling is not None:
             self._coupling.loop.begin(self._client.able)
@@ -170,7 +170,7 @@ class Participants:
         if self._ahead is None or self._ahead.motion is not motion:
             self._discard_failed()
         assert self._coupling is not None
-        self._before = None if alone else {name: array.copy() for name, array in self._coupling.to_arrays().items()}
+        self._before = None if alone else self._coupling.to_arrays()
         try:
             solution = self._cut(motion, fields, then)
         except StepDiverged as error:
@@ -262,7 +262,7 @@ class Participants:
     def keep(self) -> Kept:
         """The state between two steps, or before a step none of whose parts was committed."""
         states = self.snapshot()
-        return Kept(self.parts, {name: array.copy() for name, array in self.seam_arrays().items()}, states)
+        return Kept(self.parts, self.seam_arrays(), states)
 
     def go_back(self, kept: Kept) -> None:
         """Be as then, from when they are next asked for anything."""
@@ -312,7 +312,7 @@ class Participants:
         return np.zeros((len(self.parts.seam), 3)) if self._coupling is None else self._coupling.loop.multipliers()
 
     def seam_arrays(self) -> dict[str, Floats]:
-        """What of the seam evolves, for a snapshot; empty where there is none."""
+        """What of the seam evolves, in arrays that nobody writes to, for a snapshot; empty where there is none."""
         return {} if self._coupling is None else self._coupling.to_arrays()
 
     def restore(self, tied: Tied, states: Mapping[str, bytes]) -> None:

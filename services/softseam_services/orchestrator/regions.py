@@ -55,7 +55,7 @@ class Regions:
         joints: NDArray[np.int32] | None = None,
     ) -> None:
         self._joints = np.zeros(0, dtype=np.int32) if joints is None else joints
-        self._name, self._scene, self._body, self._why = name, setup.scene, setup.body, setup.why
+        self._name, self._setup, self._scene, self._body = name, setup, setup.scene, setup.body
         self._clock, self._balance, self._tell = clock, balance, tell
         body = self._body
         self.rule = NearCells(self._scene, body, setup.tools) if body.has_cells else NoCells(self._scene)
@@ -90,7 +90,7 @@ class Regions:
 
         A switch that would change the energy by more than its share is taken back, bit for bit, and tried again later.
         """
-        if self._clock.step == 1 and (why := self._why or self.rule.enough):
+        if self._clock.step == 1 and (why := self._setup.why or self.rule.enough):
             self._tell("regions", why)
         looks, errors = self.rule.looks_for
         turn = _is_turn(self._clock.step)
@@ -226,7 +226,7 @@ class Regions:
         first = None
         if state is not None and cauchy is not None:
             first = first_multiplier(body, parts, state, cauchy, tie, functions)
-        return couple(scene.seam, body, parts, tie, first)
+        return couple(self._setup, body, parts, tie, first)
 
     def frame(
         self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats, indicators: bool = False

@@ -14,17 +14,18 @@ from softseam_protocol.messages.participant import Advanced, BodyState, Bundle, 
 from softseam_protocol.messages.session import ErrorEstimate, Frame
 from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
+from softseam_services.orchestrator.archive import Arrays, as_bytes, floats, named, under
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.creep import Creep
 from softseam_services.orchestrator.energy_balance import EnergyBalance, Entry
 from softseam_services.orchestrator.error_estimate import ErrorEstimator
+from softseam_services.orchestrator.participants import Tied
 from softseam_services.orchestrator.parts import resting_state
 from softseam_services.orchestrator.pierced import Pierced
 from softseam_services.orchestrator.probes import Probes
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.quantities import Quantities
 from softseam_services.orchestrator.regions import Regions
-from softseam_services.orchestrator.saved_state import SavedBody
 from softseam_services.orchestrator.step_losses import StepLosses
 from softseam_services.orchestrator.step_warnings import StepWarnings, Tell
 from softseam_services.orchestrator.transport import Transport
@@ -243,43 +244,51 @@ class SimulatedBody:
 
     # ---- snapshots
 
-    def save(self) -> SavedBody:
+    def save(self) -> Arrays:
         """All that evolves."""
         participants = self.participants.snapshot()
-        return SavedBody(
-            lift_base=self._lift_base,
-            slip=self._slip,
-            felt=self._felt,
-            ledger=self.balance.ledger,
-            begun=self.balance.begun,
-            errors=self.errors.to_array(),
-            cells=self.regions.near_arrays(),
-            seam=self.participants.seam_arrays(),
-            participants=participants,
-        )
+        return {
+            "memory": np.array(self.memory, dtype=np.float64),
+            **self.balance.save(),
+            "errors": self.errors.to_array(),
+            **under("regions.", self.regions.near_arrays()),
+            **under("seam.", self.participants.seam_arrays()),
+            **under("part.", as_bytes(participants)),
+        }
 
-    def check(self, saved: SavedBody) -> None:
+    def check(self, saved: Arrays) -> None:
         """Raise KeyError, ValueError or IndexError where a state is not this body's; changes nothing."""
-        near, trust = self.regions.near_arrays(), self.errors.to_array()
+        memory, near, errors, balance = (
+            self.memory,
+            self.regions.near_arrays(),
+            self.errors.to_array(),
+            self.balance.save(),
+        )
         try:
-            self.regions.take_near(saved.cells)
-            self.errors.take(saved.errors)
-            parts, _ = self.regions.tied(saved.seam)
-            missing = set(parts.names) - saved.participants.keys()
+            parts, _ = self._take(saved)
+            missing = set(parts.names) - named(saved, "part.").keys()
             if missing:
                 raise KeyError(*sorted(missing))
         finally:
             self.regions.take_near(near)
-            self.errors.take(trust)
+            self.errors.take(errors)
+            self.balance.load(balance)
+            self.memory = memory
 
-    def load(self, saved: SavedBody) -> None:
+    def load(self, saved: Arrays) -> None:
         """Continue from `save`, after the clock."""
-        self.regions.take_near(saved.cells)
-        self.errors.take(saved.errors)
-        self._lift_base, self._slip, self._felt = saved.lift_base, saved.slip, saved.felt
-        self.balance.ledger, self.balance.begun = saved.ledger, saved.begun
+        tied = self._take(saved)
         self.participants.stand(self._clock.step)
-        self.participants.restore(self.regions.tied(saved.seam), saved.participants)
+        self.participants.restore(tied, {name: state.tobytes() for name, state in named(saved, "part.").items()})
+
+    def _take(self, saved: Arrays) -> Tied:
+        """Continue with all but the parts; how these are tied. Raises KeyError, ValueError or IndexError."""
+        self.regions.take_near(named(saved, "regions."))
+        self.errors.take(saved["errors"].astype(np.float64))
+        self.balance.load(saved)
+        base, slip, felt = saved["memory"].astype(np.float64).tolist()
+        self.memory = base, slip, bool(felt)
+        return self.regions.tied(floats(named(saved, "seam.")))
 
 
 def _standing(body: AnyBody) -> float:

@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.messages.outcomes import Detail, EventKind
 from softseam_protocol.messages.participant import Bundle, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
@@ -17,7 +18,7 @@ from softseam_protocol.scene.file import scene_from_bundle
 from softseam_protocol.scene.scene import SeveralBodies
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.after_step import CHECKPOINT_STEPS, AfterStep, Taken
-from softseam_services.orchestrator.archive import ArchiveError
+from softseam_services.orchestrator.archive import ArchiveError, as_bytes, pack, unpack
 from softseam_services.orchestrator.bodies import Bodies
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -26,7 +27,6 @@ from softseam_services.orchestrator.placement import AT_REST, Placement
 from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.reports import step_report, worst, wrench_of
-from softseam_services.orchestrator.saved_state import SavedState
 from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.solutions import Solutions
 from softseam_services.orchestrator.stopwatch import Stopwatch, TimedTransport
@@ -298,28 +298,33 @@ class Simulation:
 
     def save(self) -> bytes:
         """State of the whole simulation; `load` continues from it bit for bit."""
-        return SavedState(
-            scene=self._bundle.scene,
-            step=self._clock.step,
-            seed=self._seed,
-            tools=self._moving.save(),
-            bodies=self._bodies.save(),
-        ).pack()
+        numbers = {"schema": np.array([SCHEMA_VERSION]), "numbers": np.array([self._clock.step, self._seed])}
+        texts = as_bytes({"scene": self._bundle.scene.encode()})
+        return pack(numbers | texts | self._moving.save() | self._bodies.save())
 
     def load(self, state: bytes) -> None:
         """Continue from `save`. Raises ArchiveError, and has changed nothing, where that is no state of this scene."""
-        saved = SavedState.unpack(state)
-        if saved.scene != self._bundle.scene:
-            raise ArchiveError("this state was saved from another scene: open that scene to restore it")
+        saved = unpack(state)
+        schema = int(saved["schema"].flat[0]) if "schema" in saved and saved["schema"].size else 0
+        if schema != SCHEMA_VERSION:
+            raise ArchiveError(
+                f"this state has schema version {schema}, this softseam reads {SCHEMA_VERSION}: load it with the "
+                "softseam that saved it, or run the scene again and save it anew"
+            )
         try:
-            self._bodies.check(saved.bodies)
-            self._moving.load(saved.tools)
-        except (KeyError, ValueError, IndexError) as error:
+            if saved["scene"].tobytes().decode() != self._bundle.scene:
+                raise ArchiveError("this state was saved from another scene: open that scene to restore it")
+            step, seed = saved["numbers"].astype(np.int64).tolist()
+            self._bodies.check(saved)
+            self._moving.load(saved)
+        except ArchiveError:
+            raise
+        except (KeyError, ValueError, TypeError, IndexError) as error:
             raise ArchiveError(f"the saved state is incomplete ({error}); pass what `snapshot` returned") from error
-        self._clock.start(saved.step)
-        self._seed = saved.seed
+        self._clock.start(step)
+        self._seed = seed
         self._forget()
-        self._bodies.load(saved.bodies)
+        self._bodies.load(saved)
 
     # ---- small parts
 
