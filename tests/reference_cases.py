@@ -14,11 +14,10 @@ from reference_values import Found
 
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.scene import Scene
-from softseam_services.body.recover import FEM_SAMPLE, nodal_recovery
+from softseam_services.body.recover import FEM_SAMPLE, nodal_recovery, von_mises
 from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
-from softseam_services.orchestrator.stress import von_mises
 
 
 def _simulated(scene: dict[str, Any]) -> list[tuple[float, Found]]:

@@ -374,14 +374,13 @@ class translated:  # reads as the function that it is used as
 def _translate(error: BaseException, opening: bool) -> None:
     """Raise the client's error for one of the services; return for any other."""
     from softseam_protocol.table import MissingRow
-    from softseam_services.body.errors import MeshError, RowError, SettingError
+    from softseam_services.body.errors import MeshError, RowError, SettingError, ToolError
     from softseam_services.orchestrator.archive import ArchiveError
     from softseam_services.orchestrator.coupling import Unsuited
     from softseam_services.orchestrator.part_client import StepFailed
     from softseam_services.orchestrator.rollout import NotDifferentiable
     from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
     from softseam_services.recorder.whole_file import RecordError
-    from softseam_services.tools.errors import ToolError
 
     refused = opening and isinstance(error, ParticipantFailed) and error.failure.kind == FailureKind.INVALID
     if refused or isinstance(error, SceneError | MeshError | ToolError | SettingError):

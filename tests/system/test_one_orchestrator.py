@@ -15,7 +15,7 @@ from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.topics import Keys
 from softseam_services.health import probe
 from softseam_services.orchestrator import singleton
-from softseam_services.orchestrator.singleton import AlreadyServed, wait_to_be_only
+from softseam_services.orchestrator.service import AlreadyServed, wait_to_be_only
 
 KEYS = Keys()
 TOKEN = KEYS.live("orchestrator", "orchestrator", "first")

@@ -54,7 +54,7 @@ def told(
         "tools": {"ground": {"kind": "plane", "friction": friction}},
     }
     scene = parse_scene(json.dumps(given))
-    body = build_any_body(scene, {})
+    body = build_any_body(scene, scene.body, {})
     tools = build_tools(scene, body)
     found: list[str] = []
     watch = Creep(body, tools, look, lambda kind, text, *details, count=0: found.append(text))

@@ -15,8 +15,8 @@ from softseam.scenes import bundle_of, bundle_with
 from softseam.variants import with_settings
 from softseam_protocol.scene.bodies import BodySpec, MeshShape
 from softseam_protocol.scene.scene import Scene
+from softseam_services.body.errors import ToolError
 from softseam_services.server import build_setup
-from softseam_services.tools.errors import ToolError
 
 SCENE = """softseam: 1
 name: pad

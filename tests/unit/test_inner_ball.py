@@ -46,7 +46,7 @@ def frame(*settings: str) -> Frame:
 
 
 def built(scene: Scene) -> Body:
-    body = build_any_body(scene, {})
+    body = build_any_body(scene, scene.body, {})
     assert isinstance(body, Body)
     return body
 

@@ -50,7 +50,7 @@ def spec(scene: Scene) -> BodySpec:
 
 
 def built(scene: Scene) -> Body:
-    body = build_any_body(scene, {})
+    body = build_any_body(scene, scene.body, {})
     assert isinstance(body, Body)
     return body
 

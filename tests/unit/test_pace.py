@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softseam_services.orchestrator.subdivision import FINEST, Subdivision
+from softseam_services.orchestrator.subdivided_step import FINEST, Subdivision
 
 
 def run(pace: Subdivision, needed: list[int]) -> tuple[list[int], int]:

@@ -21,11 +21,11 @@ from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import SceneError, parse_scene
 from softseam_protocol.scene.particles import SheetBody
 from softseam_protocol.scene.scene import Scene
+from softseam_services.body.errors import ToolError
 from softseam_services.body.skin import rope_skin, sheet_skin
 from softseam_services.body.surface_check import enclosed_volume
 from softseam_services.pbd.particles.batches import batches
 from softseam_services.server import ParticipantServer
-from softseam_services.tools.errors import ToolError
 
 SHEET = """softseam: 1
 name: sheet

@@ -40,7 +40,7 @@ class Put:
 
     def __init__(self, tool: dict[str, Any]) -> None:
         parsed = scene({**tool, "position": [0, 0, 0.3]})
-        body = build_any_body(parsed, {})
+        body = build_any_body(parsed, parsed.body, {})
         self.tools, self.points = build_tools(parsed, body), rest_points(body)  # type: ignore[arg-type]
         self.bounds = np.array([self.points.min(axis=0), self.points.max(axis=0)])
         self.told: list[str] = []

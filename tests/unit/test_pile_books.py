@@ -12,7 +12,7 @@ from softseam_coupling.ledger import Energies, EnergyLedger, LedgerState
 from softseam_coupling.ledgers import Ledgers
 from softseam_protocol.participant.pile_state import join_states, split_states
 from softseam_protocol.scene.file import bundle_scene
-from softseam_services.orchestrator.piles import piles_of
+from softseam_services.orchestrator.pile import piles_of
 from softseam_services.orchestrator.step_losses import StepLosses
 from softseam_services.server import Setup, build_setup
 

@@ -10,8 +10,8 @@ import pytest
 from softseam_protocol.scene.file import SceneError, parse_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.tool_borders import Line, tool_borders
+from softseam_services.body.block import bordered_line
 from softseam_services.body.build import build_body
-from softseam_services.body.graded import bordered_line
 
 PAD = {"kind": "box", "size": (0.01, 0.02, 0.03), "position": (-0.043, 0.002, 0.025)}
 

@@ -11,10 +11,9 @@ from solids import obj, sphere
 
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
-from softseam_services.body.errors import MeshError
+from softseam_services.body.errors import MeshError, ToolError
 from softseam_services.shapes.branches import BOX, CAPSULE, MESH, PLANE, SPHERE
 from softseam_services.tools.build import build_tools
-from softseam_services.tools.errors import ToolError
 from softseam_services.tools.kernels import tool_gap
 
 

@@ -42,7 +42,7 @@ class Moved:
 
     def __init__(self, body: dict[str, Any], tools: dict[str, Any], **others: Any) -> None:
         scene = scene_of(body, tools, **others)
-        self.body = build_any_body(scene, {})
+        self.body = build_any_body(scene, scene.body, {})
         self.tools = build_tools(scene, self.body)
         self.told: list[str] = []
         self.watch = Whereabouts(self.body, self.tools, lambda kind, text, *details, count=0: self.told.append(text))

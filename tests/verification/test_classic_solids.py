@@ -9,7 +9,7 @@ import pytest
 from particle_run import G, ParticleRun, particle_scene
 from tet_bar import bar, vtk
 
-from softseam_services.body.tet_block import tet_block
+from softseam_services.body.tet_mesh import tet_block
 from softseam_services.body.tetrahedral_surface import outer_faces
 from softseam_services.pbd.particles.batches import batches
 from softseam_services.pbd.particles.kernels import volume

@@ -21,8 +21,8 @@ from softseam_services.fem.adjoint import FemAdjoint
 from softseam_services.orchestrator import goal as goals
 from softseam_services.orchestrator import regions
 from softseam_services.orchestrator.embedded import EmbeddedTransport
-from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
-from softseam_services.orchestrator.goal_watch import EVERY, GoalWatch
+from softseam_services.orchestrator.error_estimate import GoalError, NoAdjoint
+from softseam_services.orchestrator.goal import EVERY, GoalWatch
 from softseam_services.orchestrator.parts import merged_state
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.server import build_setup

@@ -18,12 +18,12 @@ from softseam_protocol.messages.session import Frame
 from softseam_services.body import embed
 from softseam_services.body.body import Body
 from softseam_services.body.hardly_filled import HardlyFilled
+from softseam_services.body.recover import von_mises
 from softseam_services.body.slivers import THIN
 from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.quantities import MEASUREMENTS, Look, RestingBody
 from softseam_services.orchestrator.simulation import Simulation
-from softseam_services.orchestrator.stress import von_mises
 
 Floats = NDArray[np.float64]
 

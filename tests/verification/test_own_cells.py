@@ -17,11 +17,11 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.scene import Scene
+from softseam_services.body.block import graded_line
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.check import check_body
 from softseam_services.body.errors import MeshError
-from softseam_services.body.graded import graded_line
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.own_shapes import cell_lines, local_place, point_octants
 from softseam_services.orchestrator.embedded import EmbeddedTransport

@@ -1,7 +1,7 @@
 """A far side that is held by its seam alone, pressed so hard, or for so long a step, that it falls over within it.
 
 The atlas's cube (20 mm, nu 0.3, no friction) between two plates, XPBD in the middle third: see
-`softseam_services.orchestrator.subdivision`. Uncut, the first of these was lost at the second step.
+`softseam_services.orchestrator.subdivided_step`. Uncut, the first of these was lost at the second step.
 """
 
 from __future__ import annotations

@@ -24,9 +24,8 @@ from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.kinds import ELEMENTS, ElementKind
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
-from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import build_body
-from softseam_services.body.interpolate import rest_points
+from softseam_services.body.interpolate import bounding_points, rest_points
 from softseam_services.body.tight_box import tightest_axes
 from softseam_services.fem.joints import follow_roots
 from softseam_services.orchestrator.quantities import RestingBody

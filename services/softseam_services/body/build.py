@@ -14,13 +14,12 @@ from softseam_protocol.scene.spec import BoxRegion
 from softseam_protocol.scene.tools import BoxTool, PlaneTool
 from softseam_protocol.tool_borders import Line, tool_borders
 from softseam_services.body.around_ball import block_around
-from softseam_services.body.block import block_surface
+from softseam_services.body.block import block_surface, bordered_line, graded_block, graded_line
 from softseam_services.body.body import Body, Floats, Ints, Surface
 from softseam_services.body.default_cells import block_edge, solid_edges
 from softseam_services.body.embed import embed, read_solid
 from softseam_services.body.errors import MeshError
 from softseam_services.body.friction_field import draw_field
-from softseam_services.body.graded import bordered_line, graded_block, graded_line
 from softseam_services.body.hexahedra import OwnCells, numbered_cells, own_cells
 from softseam_services.body.inclusions import materials_at, octant_centres
 from softseam_services.body.lattice import divide, number_nodes

@@ -23,3 +23,7 @@ class ConstraintError(RowError):
 
 class SettingError(ValueError):
     """A setting that this body cannot be simulated with. The text begins with its key and names the remedy."""
+
+
+class ToolError(ValueError):
+    """A tool that cannot be used. The text names the tool and the remedy."""

@@ -21,6 +21,7 @@ from softseam_services.body.kernels.shape_functions import (
     hex27,
     octant_trilinear,
 )
+from softseam_services.body.particles import ParticleBody
 
 __all__ = [
     "FUNCTION_NUMBER",
@@ -87,3 +88,9 @@ def rest_points(body: Body) -> Floats:
     middle = body.x_rest[body.cell_nodes[surface.cell, 13]]
     points: Floats = middle + body.from_axes(0.5 * surface.local * body.edges)
     return points
+
+
+def bounding_points(body: Body | ParticleBody) -> Floats:
+    """Points at rest whose box is the body's (n, 3) [m]: where its surface cuts cells those of the surface, for cells'
+    nodes may be outside of it; else its nodes, or particles."""
+    return rest_points(body) if body.cut else body.x_rest

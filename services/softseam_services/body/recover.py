@@ -26,6 +26,8 @@ its linear ones),
 the middle of a cell sees that one cell, which fixes no curvature.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -194,3 +196,11 @@ def _sample_coordinates(body: Body, sample: Floats, cells: Ints) -> Floats:
     fill = np.maximum(body.fill[cells[cut]], FILL_FLOOR)
     at[cut] = filled_centroids(filled_moments(body, cells[cut], fill))
     return np.asarray(at)
+
+
+def von_mises(cauchy: Floats) -> Floats:
+    """von Mises stress sqrt(3/2 s:s) of Cauchy stresses xx yy zz yz xz xy (..., 6) [Pa]."""
+    xx, yy, zz, yz, xz, xy = (cauchy[..., i] for i in range(6))
+    return np.asarray(
+        np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz * yz + xz * xz + xy * xy))
+    )

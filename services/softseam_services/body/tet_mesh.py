@@ -3,6 +3,7 @@ its classic form by their volumes and edges."""
 
 import math
 from collections.abc import Mapping
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -10,13 +11,13 @@ import numpy as np
 from softseam_protocol.scene.models import CLASSIC_PBD, PbdSpec
 from softseam_protocol.scene.particles import MOST_PARTICLES, TetMeshBody
 from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.spec import Vector
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.errors import MeshError
 from softseam_services.body.mesh_io import read_tetrahedra
 from softseam_services.body.particles import CLASSIC, Bends, ParticleBody, Solid, assemble, placed, springs_of
 from softseam_services.body.skin import solid_skin
-from softseam_services.body.tet_block import tet_block
 from softseam_services.body.tetrahedral_surface import outer_faces
 from softseam_services.body.units import check_extent
 
@@ -107,3 +108,48 @@ def _least_height(corners: Floats) -> float:
     faces = corners[:, _FACES]
     area = 0.5 * np.linalg.norm(np.cross(faces[:, :, 1] - faces[:, :, 0], faces[:, :, 2] - faces[:, :, 0]), axis=2)
     return float((3.0 * _volumes(corners) / area.max(axis=1)).min())
+
+
+FIVE = np.array(
+    [
+        [[0, 0, 0], [1, 0, 1], [1, 1, 0], [0, 1, 1]],
+        [[1, 0, 0], [1, 1, 0], [0, 0, 0], [1, 0, 1]],
+        [[0, 1, 0], [0, 0, 0], [1, 1, 0], [0, 1, 1]],
+        [[0, 0, 1], [0, 1, 1], [1, 0, 1], [0, 0, 0]],
+        [[1, 1, 1], [0, 1, 1], [1, 1, 0], [1, 0, 1]],
+    ]
+)
+"""corners of the tetrahedra of a cube whose place is even: a regular one in the middle, and four in corners"""
+
+
+class TetBlock(NamedTuple):
+    """n points and m tetrahedra."""
+
+    points: Floats
+    """about the middle, z fastest (n, 3) [m]"""
+    tetrahedra: Ints
+    """of positive volume (m, 4)"""
+    share: Floats
+    """of the block's mass at each point: an eighth of each cube's at its corners (n,) [1]"""
+
+
+def tet_block(size: Vector, divisions: tuple[int, int, int]) -> TetBlock:
+    """A block of this size [m] in so many cubes along x, y and z.
+
+    A quarter of each tetrahedron's mass at its corners would give five neighbours' mass to every other point; so mass
+    is lumped by cubes.
+    """
+    counts = np.array(divisions)
+    lines = [np.arange(count + 1) for count in divisions]
+    place = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    step = np.array([(counts[1] + 1) * (counts[2] + 1), counts[2] + 1, 1])
+    cubes = place[(place < counts).all(axis=1)]
+    odd = cubes.sum(axis=1) % 2 == 1
+    corners = np.where(odd[:, None, None, None], 1 - FIVE, FIVE)
+    tetrahedra = ((cubes[:, None, None] + corners) @ step).reshape(-1, 4)
+    mirrored = np.repeat(odd, len(FIVE))
+    tetrahedra[mirrored] = tetrahedra[mirrored][:, [0, 2, 1, 3]]
+    share = np.zeros(len(place))
+    for corner in product((0, 1), repeat=3):
+        np.add.at(share, (cubes + corner) @ step, 0.125 / len(cubes))
+    return TetBlock((place / counts - 0.5) * np.array(size), tetrahedra.astype(np.int32), share)

@@ -25,9 +25,8 @@ from softseam_services.orchestrator.joined_bodies import Between, JoinedBodies, 
 from softseam_services.orchestrator.ladder import Ladder
 from softseam_services.orchestrator.participants import Participants
 from softseam_services.orchestrator.parts import resting_state
-from softseam_services.orchestrator.pile import MemberTransport, Pile
+from softseam_services.orchestrator.pile import MemberTransport, Pile, piles_of
 from softseam_services.orchestrator.pile_bodies import PileBodies
-from softseam_services.orchestrator.piles import piles_of
 from softseam_services.orchestrator.probes import share_probes
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.simulated_body import SimulatedBody

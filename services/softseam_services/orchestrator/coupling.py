@@ -15,7 +15,7 @@ from softseam_coupling.mortar import SeamTie
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.body_turn import BodyTurn, keeps_momentum
 from softseam_services.orchestrator.parts import Parts, side_mass
-from softseam_services.orchestrator.subdivision import Subdivision
+from softseam_services.orchestrator.subdivided_step import Subdivision
 from softseam_services.server import Setup
 
 Floats = NDArray[np.float64]

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Advanced
-from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
+from softseam_services.body.interpolate import bounding_points
 from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.orchestrator.whereabouts import box_of
 from softseam_services.tools.tool_set import ToolSet

@@ -33,11 +33,10 @@ from softseam_protocol.scene.motion import ClosePhase, MovePhase, OpenPhase, Tur
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import PlaneTool, ToolSpec
 from softseam_services.body.body import Body, Material
-from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.grip import nearest_body
+from softseam_services.body.interpolate import bounding_points
+from softseam_services.orchestrator.grip import AT_REST, nearest_body
 from softseam_services.orchestrator.grips import Grips
-from softseam_services.orchestrator.placement import AT_REST
 from softseam_services.orchestrator.program import Progress
 
 Floats = NDArray[np.float64]

@@ -16,7 +16,7 @@ energy. How well that holds of an element and of its estimate is c, which was me
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,31 @@ from softseam_protocol.scene.kinds import IN_BLOCKS, IN_MESHES, ElementKind
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.goal_error import GoalError
 from softseam_services.orchestrator.parts import Parts
+
+
+class NoAdjoint(ArithmeticError):
+    """There is a goal, but the body's stiffness as it stands has no factor that would tell what a force does to it."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoalError:
+    """The errors of a goal J [N] or [Pa], each by how much J ought to be larger, in its unit."""
+
+    value: float
+    """J > 0"""
+    mesh: float
+    """eq. (2), of FEM's cells; 0 of a probe"""
+    model: float
+    """eq. (1), of PBD's"""
+    cells: NDArray[np.float64]
+    """eq. (3) over J (C,) [1]; empty where nobody asked"""
+
+    @property
+    def relative(self) -> float:
+        """Both over J [1]."""
+        return (self.mesh + self.model) / self.value
+
 
 Floats = NDArray[np.float64]
 

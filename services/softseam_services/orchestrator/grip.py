@@ -20,17 +20,41 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
-from softseam_services.body.interpolate import rest_points
-from softseam_services.orchestrator.placement import Placement
+from softseam_services.body.interpolate import bounding_points, rest_points
 from softseam_services.shapes.branches import PLANE
 from softseam_services.tools.approach import way_to_touch
-from softseam_services.tools.extent import extent_along
 from softseam_services.tools.kernels import rotate, rotate_back
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """The rigid motion from a body's place at rest that is nearest to how it is now: x = turn x_rest + shift."""
+
+    turn: Floats = field(default_factory=lambda: np.eye(3))
+    """(3, 3)"""
+    shift: Floats = field(default_factory=lambda: np.zeros(3))
+    """[m]"""
+
+    @classmethod
+    def fitted(cls, rest: Floats, now: Floats) -> Placement:
+        """Of points (n, 3) [m], by least squares (Kabsch, Acta Cryst. A 32 (1976) 922)."""
+        middle, here = rest.mean(axis=0), now.mean(axis=0)
+        u, _, vt = np.linalg.svd((rest - middle).T @ (now - here))
+        mirrored = np.sign(np.linalg.det(vt.T @ u.T))
+        turn = vt.T @ np.diag([1.0, 1.0, mirrored]) @ u.T
+        return cls(turn, here - turn @ middle)
+
+    def of(self, points: Floats) -> Floats:
+        """Points at rest (..., 3) [m] as they are now."""
+        return np.asarray(points @ self.turn.T + self.shift)
+
+
+AT_REST = Placement()
+
 
 _ASIDE = 1e-6
 """of the width: what is no rounding [1]"""
@@ -179,3 +203,11 @@ def nearest_body(bodies: Sequence[AnyBody], placements: Sequence[Placement], poi
         return float(outside), float(np.linalg.norm(0.5 * (low + high) - point))
 
     return min(range(len(bodies)), key=far) if len(bodies) > 1 else 0
+
+
+def extent_along(tools: ToolSet, tool: int, direction: Floats, orientation: Floats) -> float:
+    """How far a tool reaches from its position along a unit direction [m]; 0 for a plane.
+
+    orientation (4,)  of the tool
+    """
+    return tools.geometry[tool].reach_along(np.array(rotate_back(orientation, *direction)))

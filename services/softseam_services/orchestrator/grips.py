@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from softseam_protocol.scene.motion import ClosePhase, OpenPhase
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import AnyBody
-from softseam_services.orchestrator.grip import Grip, nearest_body
-from softseam_services.orchestrator.placement import AT_REST, Placement
+from softseam_services.orchestrator.grip import AT_REST, Grip, Placement, nearest_body
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]

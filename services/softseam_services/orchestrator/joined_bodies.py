@@ -32,8 +32,7 @@ from softseam_services.orchestrator.participants import Kept
 from softseam_services.orchestrator.parts import part_mesh, resting_state, side_mass
 from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.step_warnings import Tell
-from softseam_services.orchestrator.subdivided_step import take_step
-from softseam_services.orchestrator.subdivision import Subdivision
+from softseam_services.orchestrator.subdivided_step import Subdivision, take_step
 from softseam_services.orchestrator.transport import Transport
 from softseam_services.server import Setup
 

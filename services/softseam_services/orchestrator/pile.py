@@ -1,7 +1,7 @@
 """A pile of a simulation: whole bodies that one participant holds as one part, asked and answered together.
 
 What is not a step is asked of its bodies one by one, as of any other (`MemberTransport`); the pile answers these out of
-what it asked its participant for once.
+what it asked its participant for once. A model takes bodies into a pile where MODELS says that it `piles`.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from softseam_protocol.messages.participant import (
     ToolMotion,
 )
 from softseam_protocol.messages.pile import Begun
+from softseam_protocol.models import facts_of
 from softseam_protocol.participant.pile_state import join_states, split_states
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
@@ -44,6 +45,7 @@ from softseam_services.orchestrator.participants import Participants, Tied
 from softseam_services.orchestrator.parts import Parts
 from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.orchestrator.transport import Transport
+from softseam_services.server import Setup
 
 Ints = NDArray[np.int32]
 
@@ -242,3 +244,19 @@ class MemberTransport:
 
     def close(self) -> None:
         """There is nothing to close."""
+
+
+def piles_of(setups: Mapping[str, Setup], apart: Collection[str]) -> dict[str, tuple[str, ...]]:
+    """Names of the bodies of each pile, by its model, in the scene's order: those that are whole, and that nothing may
+    cut, join or climb; a pile of one is a body by itself.
+
+    setups  of all bodies, by name
+    apart   bodies that interfaces join, and those that may go to another rung
+    """
+    found: dict[str, list[str]] = {}
+    for name, setup in setups.items():
+        regions = setup.scene.regions
+        model, whole = regions.default, not regions.cut and regions.goal is None
+        if model and setup.body.has_cells and whole and name not in apart and facts_of(model).piles:
+            found.setdefault(model, []).append(name)
+    return {model: tuple(names) for model, names in found.items() if len(names) > 1}

@@ -15,13 +15,11 @@ from softseam_protocol.scene.spec import Vector
 from softseam_protocol.table import Table
 from softseam_services.body import tetrahedron
 from softseam_services.body.body import Body
-from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
 from softseam_services.body.errors import MeshError
-from softseam_services.body.interpolate import hex27
+from softseam_services.body.interpolate import bounding_points, hex27
 from softseam_services.body.own_shapes import local_place
-from softseam_services.body.recover import point_recovery
-from softseam_services.orchestrator.stress import von_mises
+from softseam_services.body.recover import point_recovery, von_mises
 
 Floats = NDArray[np.float64]
 _REACH = 1e-9

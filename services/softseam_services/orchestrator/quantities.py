@@ -18,13 +18,13 @@ from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import Frame
 from softseam_protocol.quantities import PROBED, QUANTITIES
 from softseam_protocol.table import Table
-from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
+from softseam_services.body.interpolate import bounding_points
+from softseam_services.body.recover import von_mises
 from softseam_services.body.tetrahedron import SHARES
 from softseam_services.orchestrator.indicators import energy_error, root_mean_square
 from softseam_services.orchestrator.probes import PROBE_MEASUREMENTS
 from softseam_services.orchestrator.program import Program
-from softseam_services.orchestrator.stress import von_mises
 
 Floats = NDArray[np.float64]
 

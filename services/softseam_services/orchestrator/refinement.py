@@ -1,7 +1,7 @@
 """How urgently each cell wants to be near: its stress and its model error over the scene's bounds.
 
   stress  the largest von Mises stress recovered at its nodes, over the bound `stress`
-  goal    what PBD does in the cell to the scene's goal, at most and relative to it (`goal_watch`), over its share 1/C
+  goal    what PBD does in the cell to the scene's goal, at most and relative to it (`GoalWatch`), over its share 1/C
           of the bound `error`, where the scene has a goal; and else
   error   (eta_e C / U)^(1/2) over the bound `error`, with the energy eta_e of the error that PBD makes in the cell,
           or would make, C cells and the strain energy U: where no PBD cell is above 1, the whole body's model error in
@@ -24,10 +24,9 @@ from softseam_protocol.models import facts_of
 from softseam_protocol.scene.regions import NearSpec
 from softseam_services.body.body import Body
 from softseam_services.body.hardly_filled import HardlyFilled
-from softseam_services.body.recover import nodal_recovery
+from softseam_services.body.recover import nodal_recovery, von_mises
 from softseam_services.orchestrator.indicators import told
 from softseam_services.orchestrator.parts import Parts
-from softseam_services.orchestrator.stress import von_mises
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

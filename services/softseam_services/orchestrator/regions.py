@@ -18,10 +18,9 @@ from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.coupling import Coupling, couple
 from softseam_services.orchestrator.cuts import LOOK_EVERY, RETRY, NearCells, NoCells
 from softseam_services.orchestrator.energy_balance import SWITCH_LIMIT, EnergyBalance
+from softseam_services.orchestrator.error_estimate import GoalError, NoAdjoint
 from softseam_services.orchestrator.first_multiplier import first_multiplier
-from softseam_services.orchestrator.goal import Goal
-from softseam_services.orchestrator.goal_error import GoalError, NoAdjoint
-from softseam_services.orchestrator.goal_watch import GoalWatch
+from softseam_services.orchestrator.goal import Goal, GoalWatch
 from softseam_services.orchestrator.indicators import measure
 from softseam_services.orchestrator.participants import Kept, Participants, Tied
 from softseam_services.orchestrator.parts import Parts, merged_state, part_mesh, whole_frame

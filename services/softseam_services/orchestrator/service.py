@@ -29,7 +29,7 @@ import time
 from collections.abc import Mapping
 
 from softseam_protocol.bus.client import Bus
-from softseam_protocol.errors import ProtocolError, Refused
+from softseam_protocol.errors import BusError, ProtocolError, Refused
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Failure
@@ -55,10 +55,41 @@ from softseam_services.lifeline import Lifeline
 from softseam_services.orchestrator.client_liveness import ClientLiveness
 from softseam_services.orchestrator.client_session import Answer, ClientSession, Stopped
 from softseam_services.orchestrator.part_client import StepFailed
-from softseam_services.orchestrator.singleton import wait_to_be_only
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
 from softseam_services.progress import tell_progress
 from softseam_services.warm_up import settle, warm_orchestrator
+
+PATIENCE = 5.0
+"""time in which the token of a predecessor that was killed, or is being stopped, has gone [s]"""
+_PERIOD = 0.25
+
+
+class AlreadyServed(BusError):
+    """Another orchestrator serves the deployment."""
+
+
+def wait_to_be_only(bus: Bus, keys: Keys, stop: threading.Event) -> None:
+    """Until no other orchestrator is there, or this one is to stop: of two, each would answer some of a client's
+    requests, and upset the other's. Raises AlreadyServed."""
+    every, end = keys.every_live("orchestrator"), time.monotonic() + PATIENCE
+    while there := _there(bus, every):
+        if time.monotonic() > end:
+            found = ", ".join(sorted(live.instance for live in map(keys.read_live, there) if live is not None))
+            raise AlreadyServed(
+                f"an orchestrator serves the deployment {keys.deployment!r} at {', '.join(bus.endpoints)} already "
+                f"(instance {found}): use that one, stop it, or give this one another --deployment"
+            )
+        if stop.wait(_PERIOD):
+            return
+
+
+def _there(bus: Bus, every: str) -> set[str]:
+    """Tokens that the router knows, or that this process was told of where the router is away just now."""
+    try:
+        return bus.live_at_router(every)
+    except BusError:
+        return bus.live(every)
+
 
 ROLE = SERVICE = "orchestrator"
 MOST_SESSIONS = 16

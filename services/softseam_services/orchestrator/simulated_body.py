@@ -12,8 +12,8 @@ from softseam_coupling.ledger import Energies
 from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.participant import Advanced, BodyState, Bundle, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, Frame
-from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
+from softseam_services.body.interpolate import bounding_points
 from softseam_services.orchestrator.archive import Arrays, as_bytes, floats, named, under
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.creep import Creep

@@ -22,8 +22,8 @@ from softseam_services.orchestrator.archive import ArchiveError, as_bytes, pack,
 from softseam_services.orchestrator.bodies import Bodies
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.grip import AT_REST, Placement
 from softseam_services.orchestrator.moving_tools import Move, MovingTools
-from softseam_services.orchestrator.placement import AT_REST, Placement
 from softseam_services.orchestrator.recovery import RecoveringTransport
 from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.reports import step_report, worst, wrench_of

@@ -6,8 +6,7 @@ from softseam_protocol.scene.parts import CapsulePart
 from softseam_protocol.scene.tools import CapsuleTool
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import CAPSULE
-from softseam_services.shapes.geometry import Geometry, Sameness
-from softseam_services.shapes.long import around, ends
+from softseam_services.shapes.geometry import Geometry, Sameness, around, ends
 from softseam_services.shapes.shape import Files, Shape
 from softseam_services.shapes.turns import quaternion_onto
 

@@ -6,8 +6,7 @@ from softseam_protocol.scene.parts import CylinderPart
 from softseam_protocol.scene.tools import CylinderTool
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import CYLINDER
-from softseam_services.shapes.geometry import Geometry, Sameness
-from softseam_services.shapes.long import around, ends
+from softseam_services.shapes.geometry import Geometry, Sameness, around, ends
 from softseam_services.shapes.shape import Files, Shape
 from softseam_services.shapes.turns import quaternion_onto
 

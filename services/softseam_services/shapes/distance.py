@@ -4,11 +4,10 @@ import numpy as np
 
 from softseam_services.jit import njit
 from softseam_services.shapes.box import box_gap
-from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, MESH, PLANE, SPHERE
+from softseam_services.shapes.branches import BOX, CAPSULE, CYLINDER, DISTANCE, MESH, PLANE, SPHERE
 from softseam_services.shapes.capsule import capsule_gap
 from softseam_services.shapes.cylinder import cylinder_gap
 from softseam_services.shapes.mesh_grid import grid_gap
-from softseam_services.shapes.prototype import DISTANCE
 from softseam_services.shapes.turns import rotate, rotate_back
 
 _call_distance = DISTANCE.call

@@ -14,9 +14,8 @@ import numpy as np
 
 from softseam_services.body.errors import ShapeError
 from softseam_services.jit import PrototypeError
-from softseam_services.shapes.branches import BRANCHES
+from softseam_services.shapes.branches import BRANCHES, DISTANCE
 from softseam_services.shapes.geometry import Geometry
-from softseam_services.shapes.prototype import DISTANCE
 
 __all__ = ["Files", "Shape", "ShapeError"]
 

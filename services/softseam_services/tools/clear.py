@@ -3,11 +3,11 @@
 import numpy as np
 
 from softseam_services.body.body import Body, Floats, Ints
+from softseam_services.body.errors import ToolError
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.particles import ParticleBody
 from softseam_services.body.surface_check import ROUNDING
 from softseam_services.body.units import LOOKS_LIKE
-from softseam_services.tools.errors import ToolError
 from softseam_services.tools.kernels import least_gaps, rotate
 from softseam_services.tools.tool_set import ToolSet
 
