@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 
-from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.scene.file import parse_scene
 from softseam_services.bodies import build_any_body
 from softseam_services.body.body import Floats
 from softseam_services.orchestrator.creep import Creep
+from softseam_services.orchestrator.whereabouts import Seen
 from softseam_services.tools.build import build_tools
 
 LOOK = 0.1
@@ -57,23 +56,19 @@ def told(
     body = build_any_body(scene, scene.body, {})
     tools = build_tools(scene, body)
     found: list[str] = []
-    watch = Creep(body, tools, look, lambda kind, text, *details, count=0: found.append(text))
+    watch = Creep([body], tools, look, lambda place, kind, text: found.append(text))
     position: Floats = tools.position.copy()
     for number in range(1, round(end / look) + 1):
         time = number * look
         speed = (at(time) - at(time - 1e-6)) / 1e-6
         way, middle = np.array([at(time), 0.0, 0.0]), body.x_rest.mean(axis=0)
-        bounds = np.array([body.x_rest.min(axis=0) + (0.0 if sags else way), body.x_rest.max(axis=0) + way])
+        bounds = np.array([[body.x_rest.min(axis=0) + (0.0 if sags else way), body.x_rest.max(axis=0) + way]])
         momentum = np.array([MASS * speed, 0.0, 0.0])
         turning = np.array([0.0, spin * MASS * abs(speed) * 0.5 * SIZE, 0.0])
-        reply = SimpleNamespace(
-            bounds=bounds,
-            momentum=momentum,
-            angular_momentum=np.cross(middle + way, momentum) + turning,
-            n_contacts=int(touches),
-        )
+        angular = np.cross(middle + way, momentum) + turning
         position = position + np.array([tool_speed * look, 0.0, 0.0])
-        watch.look(number, cast("dict[str, Advanced]", {"body.near": reply}), position, tools.orientation)
+        seen = Seen(bounds, momentum[None], angular[None], np.array([touches]))
+        watch.look(number, seen, position, tools.orientation)
     return found
 
 

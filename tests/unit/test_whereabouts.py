@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.outcomes import EventKind
-from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.scene.file import bundle_scene, parse_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.bodies import build_any_body
@@ -45,21 +43,20 @@ class Moved:
         self.body = build_any_body(scene, scene.body, {})
         self.tools = build_tools(scene, self.body)
         self.told: list[str] = []
-        self.watch = Whereabouts(self.body, self.tools, lambda kind, text, *details, count=0: self.told.append(text))
+        self.watch = Whereabouts([self.body], self.tools, lambda place, kind, text: self.told.append(text))
         self.watch.start()
         self.step = 0
 
     def to(self, *way: float, touching: bool = False, tool: NDArray[np.float64] | None = None) -> list[str]:
         """By this way from rest [m], and the first tool to this place; what is told since the last time."""
         moved = self.body.x_rest + np.array(way)
-        reply = SimpleNamespace(bounds=np.array([moved.min(axis=0), moved.max(axis=0)]), n_contacts=int(touching))
+        bounds = np.array([[moved.min(axis=0), moved.max(axis=0)]])
         position = self.tools.position.copy()
         if tool is not None:
             position[0] = tool
         self.told.clear()
         self.step += 10
-        replies = cast("dict[str, Advanced]", {"body.far": reply})
-        self.watch.look(self.step, replies, position, self.tools.orientation)
+        self.watch.look(self.step, bounds, np.array([touching]), position, self.tools.orientation)
         return list(self.told)
 
 

@@ -148,6 +148,7 @@ class Bodies:
             body.reset()
         for pile in self.piles:
             pile.begin()
+            pile.whereabouts.start()
         for island in self._joined:
             island.begin()
 

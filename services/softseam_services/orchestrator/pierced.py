@@ -57,11 +57,7 @@ class Pierced:
         position     of the tools (t, 3) [m]; orientation (t, 4)
         see          returns the points of the body's surface (P, 3) [m]
         """
-        idle = ~(wrench.any(axis=1) | self._told)
-        if not idle.any():
-            return
-        away = np.maximum(bounds[0] - position, position - bounds[1]).max(axis=1)
-        idle &= away <= self._tools.reach
+        idle = idle_inside(self._tools, bounds[None], wrench[None], position)[0] & ~self._told
         points: Floats | None = None
         for tool in np.flatnonzero(idle).tolist():
             turn = np.array([rotate(orientation[tool], *axis) for axis in np.eye(3)])
@@ -79,6 +75,13 @@ class Pierced:
                 self._tell("tools", f"step {step}: {self._tools.names[tool]} {_WORDS}", Detail.PIERCED)
             else:
                 self._wait[tool] = self._left[tool] = 2 * self._wait[tool] + 1
+
+
+def idle_inside(tools: ToolSet, bounds: Floats, wrench: Floats, position: Floats) -> NDArray[np.bool_]:
+    """Tools (b, t) that do not feel bodies, by their wrenches (b, t, 6) [N, N m], and may reach into their bounds
+    (b, 2, 3) [m] from where they are (t, 3) [m]."""
+    away = np.maximum(bounds[:, None, 0] - position, position - bounds[:, None, 1]).max(axis=2)
+    return np.asarray(~wrench.any(axis=2) & np.isfinite(tools.reach) & (away <= tools.reach))
 
 
 _NONE = np.zeros((0, 3))

@@ -20,14 +20,15 @@ from softseam_protocol.messages.outcomes import Status
 from softseam_protocol.messages.participant import Advanced, Fields
 from softseam_protocol.messages.pile import Members
 from softseam_protocol.messages.session import ErrorEstimate, Frame, PartReport
+from softseam_services.orchestrator.creep import Creep
 from softseam_services.orchestrator.energy_balance import Entry
+from softseam_services.orchestrator.pierced import idle_inside
 from softseam_services.orchestrator.pile import Pile
 from softseam_services.orchestrator.pile_quantities import PileQuantities
-from softseam_services.orchestrator.pile_watch import PileWatch
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.simulated_body import SimulatedBody
 from softseam_services.orchestrator.step_losses import StepLosses
-from softseam_services.orchestrator.whereabouts import LOOK_EVERY
+from softseam_services.orchestrator.whereabouts import LOOK_EVERY, Seen, Whereabouts
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
@@ -46,16 +47,17 @@ class PileBodies:
 
     def __init__(self, pile: Pile, named: Mapping[str, SimulatedBody], program: Program, tools: ToolSet) -> None:
         self.pile, self._bodies = pile, [named[name] for name in pile.names]
-        self._n_tools = len(tools.names)
         self._quantities = PileQuantities(self._bodies, program)
-        self._watch = PileWatch(self._bodies, tools)
+        bodies = [body.body for body in self._bodies]
+        self._tools, self.whereabouts = tools, Whereabouts(bodies, tools, self._tell)
+        self._creep = Creep(bodies, tools, LOOK_EVERY * self._bodies[0].scene.step, self._tell)
         self._losses = StepLosses([body.setup for body in self._bodies])
         self._inelastic = any(body.balance.inelastic for body in self._bodies)
         self._parts: list[tuple[str, tuple[str, str, int, int]]] = []
 
     def begin(self) -> None:
         """The bodies stand where they are put: at the scene's start, or where they were saved."""
-        b, t = len(self._bodies), self._n_tools
+        b, t = len(self._bodies), len(self._tools.names)
         none, flat, ids = np.zeros(b), np.zeros((b, 3)), np.zeros(b, dtype=np.int32)
         self._step = Members(
             *(none, none, none, none, none, flat, flat, none, none, none, ids, ids, ids),
@@ -66,7 +68,8 @@ class PileBodies:
         self._shown: Sequence[Fields] = ()
         self._alarmed: set[int] = set()
         self._load()
-        self._watch.forget()
+        self.whereabouts.forget()
+        self._creep.forget()
         self._parts = []
         for body in self._bodies:
             parts = body.participants.parts
@@ -246,11 +249,15 @@ class PileBodies:
 
     def watch(self, step_number: int, position: Floats, orientation: Floats) -> None:
         """Report what became of the bodies by now, see `SimulatedBody.watch`."""
-
-        def look_at(place: int) -> None:
-            replies = self.outcome(self.pile.names[place]).replies
-            self._bodies[place].look_around(step_number, replies, self._step.wrench[place], position, orientation)
-
-        self._watch.look(self._step, position, orientation, look_at)
+        step = self._step
+        bounds, touches = np.stack((step.low, step.high), axis=1), step.n_contacts > 0
+        self.whereabouts.look(step_number, bounds, touches, position, orientation)
+        idle = idle_inside(self._tools, bounds, step.wrench, position).any(axis=1)
+        for place in np.flatnonzero(idle).tolist():
+            self._bodies[place].look_inside(step_number, bounds[place], step.wrench[place], position, orientation)
         if (step_number + 1) % LOOK_EVERY == 0:
-            self._watch.look_for_creep(step_number, self._step, position, orientation)
+            seen = Seen(bounds, step.momentum, step.angular_momentum, touches)
+            self._creep.look(step_number, seen, position, orientation)
+
+    def _tell(self, place: int, kind: str, message: str) -> None:
+        self._bodies[place].report(kind, message)

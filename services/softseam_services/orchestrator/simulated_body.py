@@ -29,7 +29,7 @@ from softseam_services.orchestrator.regions import Regions
 from softseam_services.orchestrator.step_losses import StepLosses
 from softseam_services.orchestrator.step_warnings import StepWarnings, Tell
 from softseam_services.orchestrator.transport import Transport
-from softseam_services.orchestrator.whereabouts import LOOK_EVERY, Whereabouts, box_of
+from softseam_services.orchestrator.whereabouts import LOOK_EVERY, Seen, Whereabouts
 from softseam_services.server import Setup
 
 Floats = NDArray[np.float64]
@@ -73,9 +73,9 @@ class SimulatedBody:
         self.errors = ErrorEstimator(self.body, self.scene)
         self.warnings = StepWarnings(self.scene, tell)
         self.losses = StepLosses([setup])
-        self.whereabouts = Whereabouts(self.body, setup.tools, tell)
+        self.whereabouts = Whereabouts([self.body], setup.tools, self._tell_of)
         self.pierced = Pierced(self.body, setup.tools, tell)
-        self.creep = Creep(self.body, setup.tools, LOOK_EVERY * self.scene.step, tell)
+        self.creep = Creep([self.body], setup.tools, LOOK_EVERY * self.scene.step, self._tell_of)
         self._quantities = Quantities(self.body, program, self.scene.quantities, gripped)
         self._probes = Probes(self.body, points) if self.body.has_cells else None
         self.wants_fields = bool(points) or self._quantities.need_fields
@@ -145,19 +145,20 @@ class SimulatedBody:
         self, step: int, replies: Mapping[str, Advanced], wrench: Floats, position: Floats, orientation: Floats
     ) -> None:
         """Tell what became of the body by now, after a step that had this wrench on the tools (t, 6) [N, N m]."""
-        self.look_around(step, replies, wrench, position, orientation)
+        seen = Seen.of(list(replies.values()))
+        self.whereabouts.look(step, seen.bounds, seen.touches, position, orientation)
+        self.look_inside(step, seen.bounds[0], wrench, position, orientation)
         if (step + 1) % LOOK_EVERY == 0:
-            self.creep.look(step, replies, position, orientation)
+            self.creep.look(step, seen, position, orientation)
 
-    def look_around(
-        self, step: int, replies: Mapping[str, Advanced], wrench: Floats, position: Floats, orientation: Floats
-    ) -> None:
-        """The same but whether it creeps."""
-        self.whereabouts.look(step, replies, position, orientation)
+    def look_inside(self, step: int, bounds: Floats, wrench: Floats, position: Floats, orientation: Floats) -> None:
+        """Tell of tools that are inside the body, which has these bounds (2, 3) [m], and do not feel it."""
         self.pierced.look(
-            *(step, box_of(list(replies.values())), wrench, position, orientation),
-            lambda: self.look({}, position, orientation).point_x,
+            step, bounds, wrench, position, orientation, lambda: self.look({}, position, orientation).point_x
         )
+
+    def _tell_of(self, place: int, kind: str, message: str) -> None:
+        self._tell(kind, message)
 
     def look(self, replies: Mapping[str, Advanced], position: Floats, orientation: Floats) -> Frame:
         """The body as it stands, between tools at (t, 3), (t, 4)."""

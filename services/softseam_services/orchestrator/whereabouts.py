@@ -1,14 +1,14 @@
-"""Where a body is: whether it left all that is in the scene, or came out behind a plane or plate that was to hold it.
+"""Where bodies are: whether one left all that is in the scene, or came out behind a plane or plate that was to hold it.
 
-What the participants tell of a step, the bounds of its nodes, is enough for that, and is looked at now and then: no
+What the participants say of a step, the bounds of a body's nodes, is enough for that, and is looked at now and then: no
 body comes back from there. Draped over a tool a body may have its middle behind it; so only plates that are wider than
 the body count, and for sheets and ropes only planes.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,14 @@ from numpy.typing import NDArray
 from softseam_protocol.messages.participant import Advanced
 from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import bounding_points
-from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.shapes.branches import BOX, PLANE
-from softseam_services.tools.kernels import rotate_back
+from softseam_services.tools.kernels import rotate
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Say = Callable[[int, str, str], None]
+"""receives an event: the place of its body among all, its kind, its text"""
 
 LOOK_EVERY = 10
 """steps between looks"""
@@ -29,128 +31,129 @@ FAR = 10.0
 """extents of the body by which it is away from everything else when it is gone"""
 
 
-def box_of(replies: Sequence[Advanced]) -> Floats:
-    """Lower and upper bounds of all parts of a body (2, 3) [m]."""
-    first, *others = (reply.bounds for reply in replies)
-    for bounds in others:
-        first = np.stack((np.minimum(first[0], bounds[0]), np.maximum(first[1], bounds[1])))
-    return first
+class Seen(NamedTuple):
+    """b bodies after a step."""
+
+    bounds: Floats
+    """lower and upper, of the nodes of each (b, 2, 3) [m]"""
+    momentum: Floats
+    """(b, 3) [kg m/s]"""
+    angular_momentum: Floats
+    """about the world's origin (b, 3) [kg m^2/s]"""
+    touches: Mask
+    """whether tools touch each (b,)"""
+
+    @classmethod
+    def of(cls, parts: Sequence[Advanced]) -> Seen:
+        """One body, of all of its parts."""
+        bounds = np.array([part.bounds for part in parts])
+        return cls(
+            np.array([[bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)]]),
+            np.sum([part.momentum for part in parts], axis=0)[None],
+            np.sum([part.angular_momentum for part in parts], axis=0)[None],
+            np.array([any(part.n_contacts for part in parts)]),
+        )
 
 
 class Whereabouts:
-    """Watches one body; tells once that it is gone, and of each tool once that it is behind it.
+    """Watches b bodies; tells of each once that it is gone, and once a tool that it is behind it."""
 
-    tell  receives every event
-    """
-
-    def __init__(self, body: AnyBody, tools: ToolSet, tell: Tell) -> None:
-        self._tools, self._tell = tools, tell
-        points = bounding_points(body)
-        self._low, self._high = points.min(axis=0), points.max(axis=0)
-        self.size = float((self._high - self._low).max())
-        """longest edge of the box around it, where the scene starts [m]"""
-        self._gravity = np.asarray(body.gravity)
-        solid = body.has_cells or body.kind == "tet_mesh"
-        self.holding = [
-            tool
-            for tool, kind in enumerate(tools.kind)
-            if kind == PLANE or (solid and kind == BOX and np.sort(2.0 * tools.shape[tool, :3])[1] > self.size)
-        ]
-        """planes, and plates wider than the body"""
+    def __init__(self, bodies: Sequence[AnyBody], tools: ToolSet, say: Say) -> None:
+        self._tools, self._say = tools, say
+        points = [bounding_points(body) for body in bodies]
+        self._begun = np.array([[each.min(axis=0), each.max(axis=0)] for each in points])
+        self._size = np.ptp(self._begun, axis=1).max(axis=1)
+        self._gravity = np.array([body.gravity for body in bodies])
+        solid = np.array([body.has_cells or body.kind == "tet_mesh" for body in bodies])
+        across = np.sort(2.0 * tools.shape[:, :3], axis=1)[:, 1]
+        plates = solid[:, None] & (tools.kind == BOX) & (across > self._size[:, None])
+        self._holding: Mask = plates | (tools.kind == PLANE)  # planes, and plates wider than the body (b, t)
         self.forget()
 
     def forget(self) -> None:
         """The last step is another's."""
-        self._side: dict[int, float] = {}
-        self._behind: set[int] = set()
-        self._gone = False
-        self.middle: Floats | None = None
-        """of its box at the last look (3,) [m]"""
-
-    @property
-    def begun(self) -> Floats:
-        """Lower and upper bounds where the scene starts (2, 3) [m]."""
-        return np.stack((self._low, self._high))
+        self._side = np.full(self._holding.shape, np.nan)  # where a body's middle was last beside a tool [m]
+        self._behind = np.zeros(self._holding.shape, dtype=np.bool_)
+        self._gone = np.zeros(len(self._size), dtype=np.bool_)
+        self._middle = np.full((len(self._size), 3), np.nan)
 
     def start(self) -> None:
-        """The body is at rest, where the scene starts."""
+        """The bodies are at rest, where the scene starts."""
         self.forget()
-        self.middle = 0.5 * (self._low + self._high)
-        for tool in self.holding:
-            if across := self._across(tool, self.middle, self._tools.position, self._tools.orientation):
-                self._side[tool] = across
+        self._middle = self._begun.mean(axis=1)
+        across = self._across(self._middle, self._tools.position, self._tools.orientation)
+        self._side = np.where(across == 0.0, np.nan, across)
 
-    def look(self, step: int, replies: Mapping[str, Advanced], position: Floats, orientation: Floats) -> None:
-        """A step was taken, at whose end the tools have these poses (t, 3) [m], (t, 4)."""
-        low, high = box_of(list(replies.values()))
-        middle = 0.5 * (low + high)
-        if not all(map(math.isfinite, middle.tolist())):
-            return
-        for tool in self.holding:
-            if tool not in self._behind:
-                self._look_behind(step, tool, middle, position, orientation)
-        if not self._gone and len(self._tools.names) and not any(reply.n_contacts for reply in replies.values()):
-            self._look_away(step, low, high, middle, position, orientation)
-        self.middle = middle
+    def look(self, step: int, bounds: Floats, touches: Mask, position: Floats, orientation: Floats) -> None:
+        """A step was taken, after which bodies have these bounds (b, 2, 3) [m], and tools, that touch each or do not
+        (b,), these poses (t, 3) [m], (t, 4)."""
+        known: Mask = np.asarray(np.isfinite(bounds).all(axis=(1, 2)))
+        bounds = np.where(known[:, None, None], bounds, np.nan)
+        middle = bounds.mean(axis=1)
+        self._look_behind(step, middle, known, position, orientation)
+        if len(position):
+            self._look_away(step, bounds, middle, known & ~self._gone & ~touches, position, orientation)
+        self._middle = np.where(known[:, None], middle, self._middle)
 
-    def _look_behind(self, step: int, tool: int, middle: Floats, position: Floats, orientation: Floats) -> None:
-        """Tell where the body's middle has come from one side of a tool to the other."""
-        across = self._across(tool, middle, position, orientation)
-        if across is None:
-            self._side.pop(tool, None)
-        elif across * self._side.get(tool, across) < 0.0:
-            self._behind.add(tool)
-            self._gone = True  # said with that
-            name = self._tools.names[tool]
-            self._tell(
+    def _look_behind(self, step: int, middle: Floats, known: Mask, position: Floats, orientation: Floats) -> None:
+        """Tell where a body's middle has come from one side of a tool to the other."""
+        across, looked = self._across(middle, position, orientation), known[:, None] & ~self._behind
+        came = looked & (across * self._side < 0.0)
+        self._side = np.where(looked & (across != 0.0), across, self._side)
+        self._behind |= came
+        self._gone |= came.any(axis=1)  # said with that
+        for place, tool in np.argwhere(came).tolist():
+            name, deep = self._tools.names[tool], abs(float(across[place, tool]))
+            self._say(
+                place,
                 "gone",
-                f"step {step}: the body came through {name}, its middle is {abs(across):.3g} m behind it: shorten the "
-                f"step, meet {name} more slowly, make it thicker, or give the body to fem by regions.default",
+                f"step {step}: the body came through {name}, its middle is {deep:.3g} m behind it: shorten the step, "
+                f"meet {name} more slowly, make it thicker, or give the body to fem by regions.default",
             )
-        elif across:
-            self._side[tool] = across
 
-    def _across(self, tool: int, middle: Floats, position: Floats, orientation: Floats) -> float | None:
-        """How far the body's middle is on one side of a tool, negative on the other [m]; 0 inside a plate, and None
-        where it is beside one."""
-        (x, y, z), (px, py, pz) = middle.tolist(), position[tool].tolist()
-        at = rotate_back(orientation[tool], x - px, y - py, z - pz)
-        shape = self._tools.shape[tool, :3].tolist()
-        if self._tools.kind[tool] == PLANE:
-            return float(at[0] * shape[0] + at[1] * shape[1] + at[2] * shape[2])
-        thin = shape.index(min(shape))
-        if any(abs(at[axis]) > shape[axis] for axis in range(3) if axis != thin):
-            return None
-        return float(at[thin]) if abs(at[thin]) > shape[thin] else 0.0
+    def _across(self, middle: Floats, position: Floats, orientation: Floats) -> Floats:
+        """How far the bodies' middles (b, 3) [m] are on one side of each tool that is to hold them, negative on the
+        other; 0 inside a plate, NaN beside one, and of other tools (b, t) [m]."""
+        found = np.full(self._holding.shape, np.nan)
+        for tool in np.flatnonzero(self._holding.any(axis=0)).tolist():
+            shape = self._tools.shape[tool, :3]
+            if self._tools.kind[tool] == PLANE:
+                found[:, tool] = (middle - position[tool]) @ np.array(rotate(orientation[tool], *shape))
+                continue
+            axes = np.array([rotate(orientation[tool], *axis) for axis in np.eye(3)])
+            at, thin = (middle - position[tool]) @ axes.T, int(shape.argmin())
+            beside = (np.delete(np.abs(at), thin, axis=1) > np.delete(shape, thin)).any(axis=1)
+            inside = np.abs(at[:, thin]) <= shape[thin]
+            found[:, tool] = np.where(beside, np.nan, np.where(inside, 0.0, at[:, thin]))
+        return np.where(self._holding, found, np.nan)
 
     def _look_away(
-        self, step: int, low: Floats, high: Floats, middle: Floats, position: Floats, orientation: Floats
+        self, step: int, bounds: Floats, middle: Floats, may: Mask, position: Floats, orientation: Floats
     ) -> None:
-        """Tell where the body is far from everything, moves farther away, and neither gravity nor a plane stops it."""
-        least, most = self._low.copy(), self._high.copy()
-        for tool, reach in enumerate(self._tools.reach):
-            if math.isfinite(reach):
-                least = np.minimum(least, position[tool] - reach)
-                most = np.maximum(most, position[tool] + reach)
-        away = np.maximum(low - most, 0.0) - np.maximum(least - high, 0.0)
-        far = float(np.linalg.norm(away))
-        if self.middle is None or far < FAR * self.size:
-            return
-        moved = middle - self.middle
-        if float(moved @ away) <= 0.0 or float(self._gravity @ away) < 0.0 or self._is_caught(orientation):
-            return
-        self._gone = True
-        self._tell(
-            "gone",
-            f"step {step}: the body is {far:.3g} m away from the tools and from where it began, and nothing stops it: "
-            "hold it better, put a plane under it, or give the run a shorter duration",
-        )
+        """Tell of bodies that may be gone (b,) where they are far from everything, move farther away, and neither
+        gravity nor a plane stops them."""
+        least, most = self._begun[:, 0], self._begun[:, 1]
+        for tool in np.flatnonzero(np.isfinite(self._tools.reach)).tolist():
+            least = np.minimum(least, position[tool] - self._tools.reach[tool])
+            most = np.maximum(most, position[tool] + self._tools.reach[tool])
+        away = np.maximum(bounds[:, 0] - most, 0.0) - np.maximum(least - bounds[:, 1], 0.0)
+        far = np.linalg.norm(away, axis=1)
+        leaves = ((middle - self._middle) * away).sum(axis=1) > 0.0
+        falls = (self._gravity * away).sum(axis=1) >= 0.0
+        gone = may & (far >= FAR * self._size) & leaves & falls & ~self._is_caught(orientation)
+        self._gone |= gone
+        for place in np.flatnonzero(gone).tolist():
+            self._say(
+                place,
+                "gone",
+                f"step {step}: the body is {far[place]:.3g} m away from the tools and from where it began, and nothing "
+                "stops it: hold it better, put a plane under it, or give the run a shorter duration",
+            )
 
-    def _is_caught(self, orientation: Floats) -> bool:
-        """Whether the body falls onto a plane, on the right side of which it still is."""
-        return any(
-            self._tools.kind[tool] == PLANE
-            and tool not in self._behind
-            and float(np.array(rotate_back(orientation[tool], *self._gravity)) @ self._tools.shape[tool, :3]) < 0.0
-            for tool in self.holding
-        )
+    def _is_caught(self, orientation: Floats) -> Mask:
+        """Whether each body falls onto a plane, on the right side of which it still is (b,)."""
+        caught = np.zeros(len(self._size), dtype=np.bool_)
+        for tool in np.flatnonzero(self._tools.kind == PLANE).tolist():
+            normal = np.array(rotate(orientation[tool], *self._tools.shape[tool, :3]))
+            caught |= (self._gravity @ normal < 0.0) & ~self._behind[:, tool]
+        return caught
