@@ -1,20 +1,27 @@
 """What a scene's bodies are before anything is simulated: sizes, cells, masses, models, and what is doubtful."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.file import scene_from_bundle
+from softseam_protocol.scene.motion import ClosePhase, HoldPhase
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.tools import BoxTool, MeshTool
 from softseam_services.body.body import Body
 from softseam_services.body.check import BodyCheck, check_body
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.particles import ParticleBody
 from softseam_services.checks import When, doubts, size_of
 from softseam_services.orchestrator.goal import Goal
-from softseam_services.orchestrator.grip_sides import grip_sides
+from softseam_services.orchestrator.grips import Grips
 from softseam_services.orchestrator.probes import Probes, share_probes
 from softseam_services.pbd.condition import condition_of
 from softseam_services.pbd.levels import coarse_cells
@@ -22,6 +29,8 @@ from softseam_services.pbd.particles.condition import spring_spectrum
 from softseam_services.pbd.particles.constraints import build_constraints, constraints_of
 from softseam_services.pbd.particles.kernels.constraint import FIRST, LAST
 from softseam_services.server import Setup, build_setup
+from softseam_services.tools.approach import way_to_touch
+from softseam_services.tools.kernels import rotate_back
 
 _QUICK = 125
 """cells up to which a check computes the condition number of their blocks: .5 s"""
@@ -149,3 +158,37 @@ def _regions(regions: RegionsSpec) -> str:
     if regions.boxes:
         reasons.append(f"in {len(regions.boxes)} boxes")
     return f"{near} {' and '.join(reasons) or 'nowhere'}, {default} elsewhere"
+
+
+_ALONG, _IN = 0.9, 0.2
+"""of the way in the tool's frame: more than that along an axis, and a side comes first; less, and none does there"""
+
+
+def grip_sides(setup: Setup) -> str:
+    """In words, in the tools' own axes; '' where tools move before they close, or none of them has sides."""
+    scene, body, tools = setup.scene, setup.body, setup.tools
+    first = next((phase for phase in scene.motion if not isinstance(phase, HoldPhase)), None)
+    grip = Grips(scene, tools, [body]).first
+    if grip is None or not isinstance(first, ClosePhase) or not body.has_cells:
+        return ""
+    corners, said = rest_points(body)[body.surface.triangles], []
+    for tool, way in zip(grip.tools, grip.inward, strict=True):
+        name, (position, orientation) = tools.names[tool], (tools.position[tool], tools.orientation[tool])
+        if not isinstance(scene.tools[name], BoxTool | MeshTool):
+            continue
+        found = way_to_touch(tools, tool, position, orientation, way, corners)
+        if found is None:
+            said.append(f"{name} passes the body")
+            continue
+        side = _side(np.array(rotate_back(orientation, *way)))
+        said.append(f"{name}, {side}, after {1e3 * found[0]:.3g} mm")
+    return "; ".join(said)
+
+
+def _side(way: NDArray[np.float64]) -> str:
+    """What of a tool looks along a unit vector (3,) in its frame."""
+    axes = [("-" if part < 0.0 else "+") + axis for part, axis in zip(way.tolist(), "xyz", strict=True)]
+    along = int(np.abs(way).argmax())
+    if abs(way[along]) > _ALONG:
+        return f"its {axes[along]} side"
+    return f"its edge or corner between {' and '.join(a for a, part in zip(axes, way, strict=True) if abs(part) > _IN)}"

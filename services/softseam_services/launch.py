@@ -90,9 +90,11 @@ def serve(role: str, options: ServeOptions) -> int:
 def _serve(role: str, options: ServeOptions, life: Lifeline) -> None:
     """Each role imports what it needs, and no more."""
     if role == "router":
-        from softseam_services.router import serve_router
+        from softseam_protocol.bus.client import Router
 
-        serve_router(options.bus.connect, life)
+        with Router(options.bus.connect):
+            life.state = "ready"
+            life.stop.wait()
     elif role in solved_here():
         from softseam_services.participant_service import serve_participant
         from softseam_services.tables import check_tables

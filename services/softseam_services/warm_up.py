@@ -19,23 +19,9 @@ from pathlib import Path
 import numpy as np
 from numba import config
 
+from softseam_protocol.messages import participant as messages
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.names import ONLY_BODY
-from softseam_protocol.messages.participant import (
-    Advance,
-    Bundle,
-    Commit,
-    Configure,
-    Configured,
-    Correct,
-    Failure,
-    Observe,
-    Release,
-    Request,
-    Restore,
-    Snapshot,
-    SnapshotTaken,
-)
 from softseam_protocol.models import FAR_DEFAULT, MODELS
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
@@ -98,9 +84,9 @@ def warm_participant(model: str, mesh: bool = False) -> None:
             _solve_whole(model, ("x",))
 
 
-def _asked(server: ParticipantServer, request: Request) -> object:
+def _asked(server: ParticipantServer, request: messages.Request) -> object:
     reply = server.handle(request)
-    if isinstance(reply, Failure):
+    if isinstance(reply, messages.Failure):
         raise WarmUpFailed(f"{type(request).__name__}: {reply.message}")
     return reply
 
@@ -124,20 +110,23 @@ def _solve_whole(model: str, symmetry: tuple[str, ...] = ()) -> None:
         "regions": RegionsSpec(default=model),
         "symmetry": symmetry,
     }
-    bundle = Bundle(scene.model_copy(update=ground).model_dump_json(), {})
+    bundle = messages.Bundle(scene.model_copy(update=ground).model_dump_json(), {})
     setup = build_setup(bundle)
     server = ParticipantServer()
     server.adopt(bundle, {ONLY_BODY: setup})
-    _asked(server, Configure(_header(0), bundle, model, np.array([0, 1], dtype=np.int32), np.zeros(0, dtype=np.int32)))
+    _asked(
+        server,
+        messages.Configure(_header(0), bundle, model, np.array([0, 1], dtype=np.int32), np.zeros(0, dtype=np.int32)),
+    )
     tools = setup.tools
     motion = tool_motion(tools, tools.position, tools.orientation, np.zeros((1, 6)), scene.step)
-    _asked(server, Advance(_header(0), scene.step, np.zeros((0, 3)), motion, False))
-    _asked(server, Observe(_header(0)))
-    _asked(server, Release(_header(0)))
+    _asked(server, messages.Advance(_header(0), scene.step, np.zeros((0, 3)), motion, False))
+    _asked(server, messages.Observe(_header(0)))
+    _asked(server, messages.Release(_header(0)))
 
 
 def _ask_everything(model: str, mesh: bool) -> None:
-    bundle = Bundle(warm_scene(model, mesh).model_dump_json(), {"wedge.obj": WEDGE} if mesh else {})
+    bundle = messages.Bundle(warm_scene(model, mesh).model_dump_json(), {"wedge.obj": WEDGE} if mesh else {})
     setup = build_setup(bundle)
     server = ParticipantServer()
     server.adopt(bundle, {ONLY_BODY: setup})
@@ -145,8 +134,8 @@ def _ask_everything(model: str, mesh: bool) -> None:
     tools, scene = setup.tools, setup.scene
     assert setup.body.has_cells
     shared = np.intersect1d(setup.body.cell_nodes[0], setup.body.cell_nodes[1]).astype(np.int32)
-    configured = ask(Configure(header(0), bundle, model, np.array([0], dtype=np.int32), shared))
-    assert isinstance(configured, Configured)
+    configured = ask(messages.Configure(header(0), bundle, model, np.array([0], dtype=np.int32), shared))
+    assert isinstance(configured, messages.Configured)
     command = np.zeros((len(tools.names), 6))
     command[tools.names.index("ball"), 2:4] = -0.02, 0.1
     position, orientation = tools.position.copy(), tools.orientation.copy()
@@ -154,18 +143,18 @@ def _ask_everything(model: str, mesh: bool) -> None:
         motion = tool_motion(tools, position, orientation, command, scene.step)
         for exchange in range(2):
             force = np.full((len(shared), 3), 1e-4 * exchange)
-            ask(Advance(header(step, exchange), scene.step, force, motion, exchange == 0))
+            ask(messages.Advance(header(step, exchange), scene.step, force, motion, exchange == 0))
         if configured.capabilities is not None and configured.capabilities.impedance:
             anchor, stiffness = setup.body.x_rest[shared], np.eye(3 * len(shared))
-            ask(Advance(header(step, 2), scene.step, force, motion, False, anchor, stiffness))
-        ask(Correct(header(step, 3), force, force))
+            ask(messages.Advance(header(step, 2), scene.step, force, motion, False, anchor, stiffness))
+        ask(messages.Correct(header(step, 3), force, force))
         position = motion.position_next
-        ask(Observe(header(step), indicators=step == 1, own=True))
-    ask(Commit(header(2)))
-    taken = ask(Snapshot(header(2)))
-    assert isinstance(taken, SnapshotTaken)
-    ask(Restore(header(2), taken.state))
-    ask(Release(header(2)))
+        ask(messages.Observe(header(step), indicators=step == 1, own=True))
+    ask(messages.Commit(header(2)))
+    taken = ask(messages.Snapshot(header(2)))
+    assert isinstance(taken, messages.SnapshotTaken)
+    ask(messages.Restore(header(2), taken.state))
+    ask(messages.Release(header(2)))
 
 
 def warm_pile(model: str) -> None:
@@ -180,14 +169,14 @@ def warm_pile(model: str) -> None:
     update = {"many": dict.fromkeys(names, block), "one": None, "motion": (), "regions": RegionsSpec()}
     scene = warm_scene(model).model_copy(update=update)
     with compiling(model):
-        bundle, none = Bundle(scene.model_dump_json(), {}), np.zeros(0, dtype=np.int32)
+        bundle, none = messages.Bundle(scene.model_dump_json(), {}), np.zeros(0, dtype=np.int32)
         setups = {name: build_setup(bundle, name) for name in names}
         server, tools = ParticipantServer(), setups["first"].tools
         server.adopt(bundle, setups)
-        _asked(server, Configure(_header(0), bundle, model, none, none, bodies=names))
+        _asked(server, messages.Configure(_header(0), bundle, model, none, none, bodies=names))
         motion = tool_motion(tools, tools.position, tools.orientation, np.zeros((len(tools.names), 6)), scene.step)
-        _asked(server, Advance(_header(0), scene.step, np.zeros((0, 3)), motion))
-        _asked(server, Release(_header(0)))
+        _asked(server, messages.Advance(_header(0), scene.step, np.zeros((0, 3)), motion))
+        _asked(server, messages.Release(_header(0)))
 
 
 def never_compiled(model: str, module: str = "*") -> bool:
@@ -291,7 +280,7 @@ def _take_steps(scene: Scene, steps: int = 3) -> None:
     from softseam_services.orchestrator.embedded import EmbeddedTransport
     from softseam_services.orchestrator.simulation import Simulation
 
-    bundle = Bundle(scene.model_dump_json(), {})
+    bundle = messages.Bundle(scene.model_dump_json(), {})
     simulation = Simulation(bundle, EmbeddedTransport(), session=SESSION, emit=lambda message: None)
     for _ in range(steps):
         simulation.step(None, fields=True)

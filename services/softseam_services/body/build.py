@@ -4,13 +4,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from softseam_protocol.inner_ball import Ball, inner_ball
 from softseam_protocol.material_borders import material_borders, pieces
 from softseam_protocol.scene.bodies import MOST_CELLS, BlockShape, BodySpec, MeshShape
 from softseam_protocol.scene.scene import Scene
-from softseam_protocol.scene.spec import BoxRegion
 from softseam_protocol.scene.tools import BoxTool, PlaneTool
 from softseam_protocol.tool_borders import Line, tool_borders
 from softseam_services.body.around_ball import block_around
@@ -26,13 +24,12 @@ from softseam_services.body.lattice import divide, number_nodes
 from softseam_services.body.mass import lump_full
 from softseam_services.body.materials import build_material
 from softseam_services.body.mesh_io import read_hexahedra, read_tetrahedra
-from softseam_services.body.particles import ParticleBody
+from softseam_services.body.particles import ParticleBody, clamped
 from softseam_services.body.tetrahedra import tetrahedral_cells
 from softseam_services.body.tetrahedron import CORNERS, FILL
 from softseam_services.body.tight_box import tightest_axes
 from softseam_services.shapes import SHAPES
 
-_CLAMP_TOLERANCE = 1e-9
 _ROUNDER = (
     "give shorter cells in body.cell, leave body.shape.towards out where a tool's edge lies close to the ball, or "
     "leave body.shape.borders out"
@@ -251,7 +248,7 @@ def assemble(
     boxes: bool = True,
 ) -> Body:
     """Add what every shape has alike: material, clamped nodes, initial velocities, gravity."""
-    fixed = _clamped(x_rest, spec.fixed)
+    fixed = clamped(x_rest, spec.fixed, float(np.ptp(x_rest, axis=0).max()))
     mass = np.zeros(len(x_rest))
     np.add.at(mass, cell_nodes, cell_mass)
     centre = mass @ x_rest / mass.sum()
@@ -277,11 +274,3 @@ def assemble(
         friction_field=draw_field(spec.friction_field, np.array(spec.position)),
         notes=notes,
     )
-
-
-def _clamped(x_rest: Floats, boxes: tuple[BoxRegion, ...]) -> NDArray[np.bool_]:
-    slack = _CLAMP_TOLERANCE * float(np.ptp(x_rest, axis=0).max())
-    fixed = np.zeros(len(x_rest), dtype=np.bool_)
-    for box in boxes:
-        fixed |= np.all((x_rest >= np.array(box.min) - slack) & (x_rest <= np.array(box.max) + slack), axis=1)
-    return fixed

@@ -158,7 +158,7 @@ def assemble(
     solid: Solid | None = None,
 ) -> ParticleBody:
     """Add what all have alike."""
-    fixed = _clamped(x_rest, spec.fixed, reach)
+    fixed = clamped(x_rest, spec.fixed, reach)
     v_initial = np.tile(np.array(spec.velocity), (len(x_rest), 1))
     v_initial[fixed] = 0.0
     axes = placed(spec, np.eye(3)) - np.array(spec.position)
@@ -211,7 +211,8 @@ def placed(spec: ParticleBodySpec, x: Floats) -> Floats:
     return np.ascontiguousarray(turned + np.array(spec.position))
 
 
-def _clamped(x_rest: Floats, boxes: tuple[BoxRegion, ...], size: float) -> NDArray[np.bool_]:
+def clamped(x_rest: Floats, boxes: tuple[BoxRegion, ...], size: float) -> NDArray[np.bool_]:
+    """Points (N, 3) [m] of a body of this size [m] that are in a box (N,)."""
     slack = _CLAMP_TOLERANCE * size
     fixed = np.zeros(len(x_rest), dtype=np.bool_)
     for box in boxes:

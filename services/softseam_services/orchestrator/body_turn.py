@@ -3,7 +3,7 @@
 Each part tells sums over its nodes (body/kernels/turning.py). As a step begins, all learn those of the whole, by whose
 turn FEM predicts, and by what velocities are off after the step before: w_c about the centre and v_c, with which spin
 and momentum change by what acts from outside alone. Whether a body turns is seen a step late, for the step that follows
-may have begun with the correction of the one before (`step_ahead`).
+may have begun with the correction of the one before (`StepAhead`).
 """
 
 from __future__ import annotations

@@ -19,13 +19,13 @@ from softseam_protocol.messages.outcomes import FailureKind, Status
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.parts import Parts
-from softseam_services.orchestrator.step_ahead import advance_request
 from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.orchestrator.transport import ParticipantFailed, Transport
 
 Floats = NDArray[np.float64]
 
 _NOTHING = np.zeros(0)
+_NO_VECTORS, _AS_SENT = np.zeros((0, 3)), np.zeros((0, 0))
 _NO_REPLIES: Mapping[str, messages.Reply] = {}
 _OLDER = messages.Failure(
     FailureKind.SCHEMA,
@@ -122,14 +122,14 @@ class PartClient:
         self._n_asked, self._under_way = self._n_asked + 1, True
         header, n = self._header, self._n_asked
         return {
-            name: advance_request(header(name, n), dt, motion, one, fields(one), turn) for name, one in wanted.items()
+            name: _advance_request(header(name, n), dt, motion, one, fields(one), turn) for name, one in wanted.items()
         }
 
     def advance_next(
         self, wanted: Mapping[str, PartRequest], dt: float, motion: ToolMotion
     ) -> dict[str, messages.Advance]:
         """The first exchange of the step after this one."""
-        return {name: advance_request(self._next_header(name), dt, motion, one) for name, one in wanted.items()}
+        return {name: _advance_request(self._next_header(name), dt, motion, one) for name, one in wanted.items()}
 
     def correct(
         self, corrections: Mapping[str, Correction], fields: bool, after: Mapping[str, messages.Advance]
@@ -214,3 +214,22 @@ class PartClient:
         """Let go of participants, of this cut or another."""
         if names:
             self._transport.exchange({name: messages.Release(self._header(name)) for name in sorted(names)})
+
+
+def _advance_request(
+    header: Header,
+    dt: float,
+    motion: ToolMotion,
+    part: PartRequest,
+    fields: bool = False,
+    turn: Floats = _NOTHING,
+) -> messages.Advance:
+    """What a loop asks a part for, over a step of dt [s] with this motion of the tools, as a message.
+
+    turn: of the whole body, see `Advance`
+    """
+    target = _NO_VECTORS if part.target is None else part.target
+    impedance = _AS_SENT if part.impedance is None else part.impedance
+    start = _NO_VECTORS if part.start is None else part.start
+    about = target, impedance, fields, start, part.repeat, turn
+    return messages.Advance(header, dt, part.force, motion, part.renew, *about)

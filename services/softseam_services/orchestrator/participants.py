@@ -14,25 +14,15 @@ from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Energies
 from softseam_coupling.loops.loop import Correction, First, Outcome, PartRequest, StepDiverged
+from softseam_protocol.messages import participant as messages
 from softseam_protocol.messages.outcomes import Detail
-from softseam_protocol.messages.participant import (
-    Advanced,
-    BodyState,
-    Bundle,
-    Capabilities,
-    Fields,
-    PartMesh,
-    Reply,
-    Request,
-    ToolMotion,
-)
+from softseam_protocol.messages.participant import ToolMotion
 from softseam_protocol.models import facts_of
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.coupling import Coupling
 from softseam_services.orchestrator.part_client import PartClient, StepFailed
 from softseam_services.orchestrator.parts import Parts
-from softseam_services.orchestrator.step_ahead import StepAhead
 from softseam_services.orchestrator.step_warnings import Tell
 from softseam_services.orchestrator.subdivided_step import take_step
 from softseam_services.orchestrator.transport import Transport
@@ -57,6 +47,32 @@ class Kept:
     """see `Participants.snapshot`"""
 
 
+@dataclass(frozen=True, slots=True)
+class StepAhead:
+    """A step that is begun with the correction of the one before, in the same messages, where it follows for certain.
+
+    A correction ends a step, and says nothing that the loop does not know: the multipliers are found, and where parts
+    are moved to is their linear answer. So what the parts are asked for first in the step that follows is known, too,
+    and goes with it; over the bus that is one round of messages a step in place of two. Bits are those of steps begun
+    one by one.
+    """
+
+    motion: ToolMotion
+    asked: dict[str, messages.Advance]
+    told: dict[str, messages.Advanced | None]
+    """None of those who left it"""
+
+    @property
+    def replies(self) -> dict[str, messages.Reply]:
+        """Of those who have begun it."""
+        return {name: reply for name, reply in self.told.items() if reply is not None}
+
+    @property
+    def left(self) -> dict[str, messages.Request]:
+        """What is still to be asked of the others."""
+        return {name: self.asked[name] for name, reply in self.told.items() if reply is None}
+
+
 class Participants:
     """Those of the present cut of one body, an island: parts that are tied to no others.
 
@@ -68,13 +84,13 @@ class Participants:
 
     def __init__(
         self,
-        bundle: Bundle,
+        bundle: messages.Bundle,
         scene: Scene,
         transport: Transport,
         clock: Clock,
         tell: Tell,
         tie: Callable[[Parts], Coupling | None],
-        mesh: Callable[[Parts, str], PartMesh | None],
+        mesh: Callable[[Parts, str], messages.PartMesh | None],
     ) -> None:
         self._client = PartClient(bundle, transport, clock, tell)
         self._scene, self._clock, self._tell, self._tie, self._mesh = scene, clock, tell, tie, mesh
@@ -89,7 +105,7 @@ class Participants:
         """The present cut."""
         return self._client.parts
 
-    def configure(self, tied: Tied, state: BodyState | None) -> Energies:
+    def configure(self, tied: Tied, state: messages.BodyState | None) -> Energies:
         """Build the parts of another cut in a new epoch: in this state, or to be restored; its energies."""
         self._kept = self._ahead = None
         parts, self._coupling = tied
@@ -113,13 +129,13 @@ class Participants:
         """Whether the next step has begun."""
         return self._ahead is not None
 
-    def requests(self, motion: ToolMotion, fields: bool) -> dict[str, Request]:
+    def requests(self, motion: ToolMotion, fields: bool) -> dict[str, messages.Request]:
         """What parts that nothing ties are asked for in a step; their replies go to `taken`."""
         self.make_ready()
         free = {name: PartRequest(_FREE) for name in self.parts.names}
         return self.asked(free, self._clock.dt, motion, fields)
 
-    def taken(self, replies: Mapping[str, Reply]) -> Outcome:
+    def taken(self, replies: Mapping[str, messages.Reply]) -> Outcome:
         """Parts that nothing ties have answered `requests`. Raises StepFailed."""
         solution = Outcome(self.read(replies), _FREE, 0.0, 1, "")
         self._before = {}
@@ -130,7 +146,7 @@ class Participants:
     # ---- one exchange of a step
 
     @property
-    def able(self) -> Mapping[str, Capabilities]:
+    def able(self) -> Mapping[str, messages.Capabilities]:
         """What its parts can do, of those that have coupling nodes."""
         return self._client.able
 
@@ -139,17 +155,22 @@ class Participants:
         self._discard_failed()
 
     def asked(
-        self, wanted: Mapping[str, PartRequest], dt: float, motion: ToolMotion, fields: bool, turn: Floats = _NOTHING
-    ) -> dict[str, Request]:
+        self,
+        wanted: Mapping[str, PartRequest],
+        dt: float,
+        motion: ToolMotion,
+        fields: bool,
+        turn: Floats = _NOTHING,
+    ) -> dict[str, messages.Request]:
         """What the next exchange of a step of dt [s] asks its parts for."""
         mine = {name: wanted[name] for name in self.parts.names}
         return self._client.advance(mine, dt, motion, lambda _: fields, turn)
 
-    def corrected(self, corrections: Mapping[str, Correction], fields: bool) -> dict[str, Request]:
+    def corrected(self, corrections: Mapping[str, Correction], fields: bool) -> dict[str, messages.Request]:
         """What moves its parts on, as a step ends."""
         return self._client.correct(corrections, fields, {})
 
-    def read(self, replies: Mapping[str, Reply]) -> dict[str, Advanced]:
+    def read(self, replies: Mapping[str, messages.Reply]) -> dict[str, messages.Advanced]:
         """The answers of its parts. Raises StepFailed."""
         return self._client.read({name: replies[name] for name in self.parts.names})
 
@@ -205,13 +226,18 @@ class Participants:
                 self._tell("step", taken, count=reply.n_substeps)
 
     def _advance(
-        self, motion: ToolMotion, dt: float, fields: bool, may_cut: bool = False, then: ToolMotion | None = None
+        self,
+        motion: ToolMotion,
+        dt: float,
+        fields: bool,
+        may_cut: bool = False,
+        then: ToolMotion | None = None,
     ) -> Outcome:
         assert self._coupling is not None
         client, turn, then = self._client, self._coupling.turn, then if self._coupling.turn.may_go_ahead(dt) else None
         said = turn.said
 
-        def ask(wanted: dict[str, PartRequest]) -> dict[str, Advanced]:
+        def ask(wanted: dict[str, PartRequest]) -> dict[str, messages.Advanced]:
             if self._ahead is not None:
                 ahead, self._ahead = self._ahead, None
                 client.skip()
@@ -220,7 +246,7 @@ class Participants:
             requests = client.advance(wanted, dt, motion, lambda part: fields and part.last and again, said)
             return client.exchange(requests)
 
-        def correct(corrections: dict[str, Correction], first: First) -> dict[str, Advanced]:
+        def correct(corrections: dict[str, Correction], first: First) -> dict[str, messages.Advanced]:
             after = {} if then is None else client.advance_next(first(), dt, then)
             replies = client.exchange(client.correct(corrections, fields, after))
             if then is not None:
@@ -285,7 +311,7 @@ class Participants:
 
     # ---- what they know
 
-    def observe(self, indicators: bool = False, own: bool = False) -> dict[str, Fields]:
+    def observe(self, indicators: bool = False, own: bool = False) -> dict[str, messages.Fields]:
         """Each part's fields, with its errors where asked for; of them only what its own model errs. Velocities are
         those that the next step begins with."""
         self._discard_failed()

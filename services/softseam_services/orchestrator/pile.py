@@ -13,29 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.loops.loop import Outcome
+from softseam_protocol.messages import participant as messages
 from softseam_protocol.messages.names import within
 from softseam_protocol.messages.outcomes import Status
-from softseam_protocol.messages.participant import (
-    Advance,
-    Advanced,
-    BodyState,
-    Bundle,
-    Commit,
-    Committed,
-    Configure,
-    Configured,
-    Fields,
-    Observe,
-    Release,
-    Released,
-    Reply,
-    Request,
-    Restore,
-    Restored,
-    Snapshot,
-    SnapshotTaken,
-    ToolMotion,
-)
 from softseam_protocol.messages.pile import Begun
 from softseam_protocol.models import facts_of
 from softseam_protocol.participant.pile_state import join_states, split_states
@@ -63,7 +43,7 @@ class Pile:
         model: str,
         names: Sequence[str],
         n_nodes: int,
-        bundle: Bundle,
+        bundle: messages.Bundle,
         scene: Scene,
         transport: Transport,
         clock: Clock,
@@ -79,7 +59,7 @@ class Pile:
         )
         self.asleep = np.zeros(len(names), dtype=np.int8)
         """1 for bodies that the next step is not asked of (b,)"""
-        self._fields: dict[tuple[bool, bool], list[Fields]] = {}
+        self._fields: dict[tuple[bool, bool], list[messages.Fields]] = {}
         self._states: list[bytes] = []
         self._to_restore: dict[int, bytes] = {}
 
@@ -96,7 +76,7 @@ class Pile:
         assert begun is not None
         return begun
 
-    def begin(self, states: Sequence[BodyState], step: int) -> None:
+    def begin(self, states: Sequence[messages.BodyState], step: int) -> None:
         """Have the part built of bodies in these states, before a step of this number."""
         self.asleep[:] = 0
         self._forget()
@@ -132,21 +112,21 @@ class Pile:
         """Whether something ties it to others: nothing does."""
         return False
 
-    def requests(self, motion: ToolMotion, fields: bool) -> dict[str, Request]:
+    def requests(self, motion: messages.ToolMotion, fields: bool) -> dict[str, messages.Request]:
         """What its participant is asked for in a step."""
         self._forget()
         asked = self._held.requests(motion, fields)
         if not self.asleep.any():
             return asked
         return {
-            part: replace(request, asleep=self.asleep.copy()) if isinstance(request, Advance) else request
+            part: replace(request, asleep=self.asleep.copy()) if isinstance(request, messages.Advance) else request
             for part, request in asked.items()
         }
 
-    def taken(self, replies: Mapping[str, Reply]) -> Outcome:
+    def taken(self, replies: Mapping[str, messages.Reply]) -> Outcome:
         """Its participant has answered `requests`. What is wrong with the step of a body is in its notes."""
         reply = replies[self.part]
-        if isinstance(reply, Advanced) and reply.status is not Status.CONVERGED and reply.members is not None:
+        if isinstance(reply, messages.Advanced) and reply.status is not Status.CONVERGED and reply.members is not None:
             replies = {self.part: replace(reply, status=Status.CONVERGED, why="")}
         return self._held.taken(replies)
 
@@ -156,7 +136,7 @@ class Pile:
 
     # ---- one of them
 
-    def fields(self, name: str, indicators: bool, own: bool) -> Fields:
+    def fields(self, name: str, indicators: bool, own: bool) -> messages.Fields:
         """Those of a body as it stands."""
         key = indicators, own
         if key not in self._fields:
@@ -183,21 +163,21 @@ class _ByBody:
 
     def __init__(self, inner: Transport, names: Sequence[str]) -> None:
         self._inner, self._names = inner, list(names)
-        self.states: list[BodyState] = []
+        self.states: list[messages.BodyState] = []
         """of the bodies when they are built; empty: to be restored"""
         self.begun: Begun | None = None
         """what their participant said of them then"""
 
-    def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+    def exchange(self, requests: Mapping[str, messages.Request]) -> dict[str, messages.Reply]:
         """See `Transport`."""
         replies = self._inner.exchange({part: self._of_bodies(request) for part, request in requests.items()})
         for reply in replies.values():
-            if isinstance(reply, Configured):
+            if isinstance(reply, messages.Configured):
                 self.begun = reply.begun
         return replies
 
-    def _of_bodies(self, request: Request) -> Request:
-        if isinstance(request, Configure):
+    def _of_bodies(self, request: messages.Request) -> messages.Request:
+        if isinstance(request, messages.Configure):
             return replace(request, body="", bodies=self._names, states=self.states)
         return request
 
@@ -215,27 +195,27 @@ class MemberTransport:
     def __init__(self, pile: Pile, name: str) -> None:
         self._pile, self._name = pile, name
 
-    def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+    def exchange(self, requests: Mapping[str, messages.Request]) -> dict[str, messages.Reply]:
         """See `Transport`. Raises ValueError for a step, which the pile takes as a whole."""
         return {part: self._answer(request) for part, request in requests.items()}
 
-    def _answer(self, request: Request) -> Reply:
+    def _answer(self, request: messages.Request) -> messages.Reply:
         pile, name, header = self._pile, self._name, request.header
-        if isinstance(request, Configure):
+        if isinstance(request, messages.Configure):
             begun, place = pile.begun, pile.place(name)
             energies = float(begun.strain[place]), float(begun.kinetic[place]), float(begun.gravity[place])
-            return Configured(header, 0, 0, 1, *energies)
-        if isinstance(request, Observe):
+            return messages.Configured(header, 0, 0, 1, *energies)
+        if isinstance(request, messages.Observe):
             return pile.fields(name, request.indicators, request.own)
-        if isinstance(request, Snapshot):
-            return SnapshotTaken(header, pile.state(name))
-        if isinstance(request, Restore):
+        if isinstance(request, messages.Snapshot):
+            return messages.SnapshotTaken(header, pile.state(name))
+        if isinstance(request, messages.Restore):
             pile.put_back(name, request.state)
-            return Restored(header)
-        if isinstance(request, Release):
-            return Released(header)
-        if isinstance(request, Commit):
-            return Committed(header)
+            return messages.Restored(header)
+        if isinstance(request, messages.Release):
+            return messages.Released(header)
+        if isinstance(request, messages.Commit):
+            return messages.Committed(header)
         raise ValueError(f"{name} is in a pile, which steps as a whole: it answers no {type(request).__name__}")
 
     def wait_alive(self, participant: str, timeout: float) -> bool:

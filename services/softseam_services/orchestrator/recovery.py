@@ -11,29 +11,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from softseam_protocol.messages import participant as messages
 from softseam_protocol.messages.outcomes import FailureKind
-from softseam_protocol.messages.participant import (
-    Advance,
-    Commit,
-    Configure,
-    Correct,
-    Release,
-    Reply,
-    Request,
-    Restore,
-    Snapshot,
-    SnapshotTaken,
-)
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, Transport
 
-_STEPS = (Advance, Correct, Commit)
+_STEPS = (messages.Advance, messages.Correct, messages.Commit)
 
 
 @dataclass
 class _Log:
-    configure: Configure
-    checkpoint: SnapshotTaken | None = None
-    since: list[Request] = field(default_factory=list)
+    configure: messages.Configure
+    checkpoint: messages.SnapshotTaken | None = None
+    since: list[messages.Request] = field(default_factory=list)
 
 
 class RecoveringTransport:
@@ -59,7 +48,7 @@ class RecoveringTransport:
         self._logs: dict[str, _Log] = {}
         self._astray: set[str] = set()  # who may have begun a step that is not to follow
 
-    def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+    def exchange(self, requests: Mapping[str, messages.Request]) -> dict[str, messages.Reply]:
         """See `Transport`."""
         try:
             return self._exchange(requests)
@@ -67,7 +56,7 @@ class RecoveringTransport:
             self._astray |= {name for name, request in requests.items() if _goes_on(request)}
             raise
 
-    def _exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+    def _exchange(self, requests: Mapping[str, messages.Request]) -> dict[str, messages.Reply]:
         for attempt in range(self._attempts + 1):
             try:
                 self._bring_back(requests)
@@ -88,28 +77,28 @@ class RecoveringTransport:
     def close(self) -> None:
         self._inner.close()
 
-    def _bring_back(self, requests: Mapping[str, Request]) -> None:
+    def _bring_back(self, requests: Mapping[str, messages.Request]) -> None:
         """Build those anew that have gone astray, unless what they are asked for does so."""
         for name in sorted(self._astray & requests.keys()):
-            if not isinstance(requests[name], Configure | Release):
+            if not isinstance(requests[name], messages.Configure | messages.Release):
                 self._catch_up(name)
             self._astray.discard(name)
 
-    def _remember(self, name: str, request: Request, reply: Reply) -> None:
+    def _remember(self, name: str, request: messages.Request, reply: messages.Reply) -> None:
         if isinstance(request, _STEPS):
             self._logs[name].since.append(request)  # its arrays are never written again: see `Transport`
-        elif isinstance(request, Configure):
+        elif isinstance(request, messages.Configure):
             self._logs[name] = _Log(request)
-        elif isinstance(request, Release):
+        elif isinstance(request, messages.Release):
             self._logs.pop(name, None)
-        elif isinstance(request, Snapshot):
-            assert isinstance(reply, SnapshotTaken)
+        elif isinstance(request, messages.Snapshot):
+            assert isinstance(reply, messages.SnapshotTaken)
             log = self._logs[name]
             log.checkpoint = reply
             log.since.clear()
-        elif isinstance(request, Restore):
+        elif isinstance(request, messages.Restore):
             log = self._logs[name]
-            log.checkpoint = SnapshotTaken(request.header, request.state)
+            log.checkpoint = messages.SnapshotTaken(request.header, request.state)
             log.since.clear()
 
     def _recover(self, error: ParticipantLost | ParticipantFailed) -> None:
@@ -140,15 +129,15 @@ class RecoveringTransport:
         self._inner.exchange({name: log.configure})
         if log.checkpoint is not None:
             header = log.checkpoint.header
-            self._inner.exchange({name: Restore(header, log.checkpoint.state)})
+            self._inner.exchange({name: messages.Restore(header, log.checkpoint.state)})
         for request in log.since:
             self._inner.exchange({name: request})
         return len(log.since)
 
 
-def _goes_on(request: Request) -> bool:
+def _goes_on(request: messages.Request) -> bool:
     """Whether who serves it commits the step at hand, so that a Commit does not take that back any more."""
-    return isinstance(request, Correct) and request.then is not None
+    return isinstance(request, messages.Correct) and request.then is not None
 
 
 def _recoverable(error: ParticipantLost | ParticipantFailed) -> bool:
