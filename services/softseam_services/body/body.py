@@ -19,6 +19,11 @@ from softseam_services.body.friction_field import EVEN, FrictionField
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
+SAME = 1e-9
+"""relative: places, ways, times and masses that differ by less are the same, for files and sums are rounded"""
+ALIKE = 1e-6
+"""relative: what is fitted, or found by iteration, is alike where it differs by less"""
+
 
 @dataclass(frozen=True)
 class Material:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.body.body import Floats
+from softseam_services.body.body import SAME, Floats
 from softseam_services.body.errors import MeshError
 from softseam_services.body.formats.mesh_file import CORNERS, Block, Cells
 
@@ -21,7 +21,6 @@ FACES: dict[str, list[list[int]]] = {
     "hexahedron": [[0, 4, 7, 3], [1, 2, 6, 5], [0, 1, 5, 4], [3, 7, 6, 2], [0, 3, 2, 1], [4, 5, 6, 7]],
 }
 """corners of the faces of each kind of solid, outward where it is in VTK's order"""
-_FLAT = 1e-9
 PLURAL = {"tetra": "tetrahedra", "pyramid": "pyramids", "wedge": "prisms", "hexahedron": "hexahedra"}
 
 
@@ -55,7 +54,7 @@ def cell_volumes(points: Floats, kind: str, cells: Cells) -> Floats:
 def flat_cells(points: Floats, kind: str, cells: Cells, volume: Floats) -> NDArray[np.bool_]:
     """Which cells have next to no volume (m,)."""
     size = np.ptp(points[cells[:, : CORNERS[kind]]], axis=1).max(axis=1)
-    flat: NDArray[np.bool_] = np.abs(volume) < _FLAT * np.maximum(size, 1e-300) ** 3
+    flat: NDArray[np.bool_] = np.abs(volume) < SAME * np.maximum(size, 1e-300) ** 3
     return flat
 
 

@@ -20,21 +20,6 @@ class ElasticConstants:
         """mu = E/(2(1 + nu)), lambda = E nu/((1 + nu)(1 - 2 nu)); E [Pa]."""
         return cls(young / (2.0 * (1.0 + poisson)), young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)))
 
-    @classmethod
-    def from_bulk_shear(cls, bulk: float, shear: float) -> ElasticConstants:
-        """lambda = K - 2/3 G; K, G [Pa]."""
-        return cls(shear, bulk - 2.0 / 3.0 * shear)
-
-    @classmethod
-    def from_young_shear(cls, young: float, shear: float) -> ElasticConstants:
-        """lambda = G (E - 2 G)/(3 G - E); E, G [Pa], E < 3 G."""
-        return cls(shear, shear * (young - 2.0 * shear) / (3.0 * shear - young))
-
-    @classmethod
-    def from_wave_speeds(cls, pressure_speed: float, shear_speed: float, density: float) -> ElasticConstants:
-        """mu = rho c_s^2, lambda = rho (c_p^2 - 2 c_s^2); speeds [m/s], density [kg/m^3]."""
-        return cls(density * shear_speed**2, density * (pressure_speed**2 - 2.0 * shear_speed**2))
-
     @property
     def young(self) -> float:
         """Young's modulus E = mu (3 lambda + 2 mu)/(lambda + mu) [Pa]."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softseam_services.body.body import Floats, Ints, Surface
+from softseam_services.body.body import ALIKE, SAME, Floats, Ints, Surface
 from softseam_services.body.errors import MeshError
 from softseam_services.body.filled import FULL_MOMENTS
 from softseam_services.body.kernels.fill import octant_moments
@@ -18,12 +18,10 @@ from softseam_services.body.surface_points import contact_points, refine
 from softseam_services.body.unite import mend
 from softseam_services.body.units import check_extent, unit_guess
 
-_ON_PLANE = 1e-9
 _NOTHING = 1e-12
 DROPPED = 1e-6
 """cells emptier than this that carry no surface point are left out; their mass is spread over the others"""
 _MOST_CELLS = 200_000
-_CELLS_AGREE = 1e-6
 _DRAWN = 0.5
 """longest edge of the surface's triangles, in edges of a cell"""
 _SPACING = 0.25
@@ -99,7 +97,7 @@ def read_in_place(
         others = choices(bodies, whose, raw.names) if part is None else ""
         before = f" (before that, {'; '.join(surface.notes)})" if surface.notes else ""
         raise MeshError(f"{error}{others}{before}") from None
-    if raw.volume is not None and abs(raw.volume * scale**3 - volume) > _CELLS_AGREE * volume:
+    if raw.volume is not None and abs(raw.volume * scale**3 - volume) > ALIKE * volume:
         raise MeshError(
             f"{path}: the cells sum to {raw.volume * scale**3:.6g} m^3, but their boundary encloses {volume:.6g} m^3; "
             "cells overlap, remesh"
@@ -123,7 +121,7 @@ def _checked(path: str, vertices: Floats, triangles: Ints, mends: bool) -> tuple
             triangles, volume, notes = check_surface(path, vertices, triangles)
         except MeshError:
             raise error from None
-        if abs(volume - expected) > _CELLS_AGREE * expected:
+        if abs(volume - expected) > ALIKE * expected:
             raise
         return vertices, triangles, volume, (note, *notes)
 
@@ -197,7 +195,7 @@ def _carry(points: Floats, corner: Floats, size: Floats, counts: Ints, cell_fill
     best_cell = np.zeros((len(points), 3), dtype=np.int32)
     best_fill = np.full(len(points), -1.0)
     for shift in np.ndindex(2, 2, 2):
-        moved = position + _ON_PLANE * (1.0 - 2.0 * np.array(shift))
+        moved = position + SAME * (1.0 - 2.0 * np.array(shift))
         cell = np.clip(np.floor(moved), 0, counts - 1).astype(np.int32)
         fill = cell_fill[cell[:, 0], cell[:, 1], cell[:, 2]]
         better = fill > best_fill

@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from softseam_services.body.body import Floats, Ints, Surface
+from softseam_services.body.body import ALIKE, Floats, Ints, Surface
 from softseam_services.body.errors import MeshError
 from softseam_services.body.formats.mesh_file import Cells
 from softseam_services.body.interpolate import hex27
@@ -26,10 +26,8 @@ CORNERS = np.array([0, 2, 8, 6, 18, 20, 26, 24])
 """lattice nodes of VTK's corners"""
 _PLACES: Floats = LOCAL.astype(np.float64) - 1.0
 """local coordinates of a cell's nodes (27, 3)"""
-_POOR = 0.1
+POOR = 0.1
 """a cell whose least J is below this share of its mean is worth a warning"""
-_MEET = 1e-6
-"""middles of neighbours that are farther apart than this share of an edge do not meet"""
 _POINTS, _LINE_WEIGHTS = np.polynomial.legendre.leggauss(3)
 _GAUSS: Floats = np.array(list(product(_POINTS, repeat=3)))
 _WEIGHTS: Floats = np.array(list(product(_LINE_WEIGHTS, repeat=3))).prod(axis=1)
@@ -103,7 +101,7 @@ def numbered_cells(
     nodes = cell_nodes[surface.cell, ((surface.local + 1.0) @ np.array([1.0, 3.0, 9.0])).astype(np.int64)]
     check_surface(path, x_rest[nodes], surface.triangles)
     weight = SIMPSON * _jacobians(x, _PLACES)
-    poor = least < _POOR
+    poor = least < POOR
     if poor.any():
         notes = (
             *notes,
@@ -219,7 +217,7 @@ def shared_nodes(path: str, key: Cells, x: Floats, cells: str, at: str) -> tuple
     _, first, number = np.unique(key.reshape(-1, key.shape[2]), axis=0, return_index=True, return_inverse=True)
     nodes, x_rest = number.reshape(key.shape[:2]), x.reshape(-1, 3)[first]
     apart = np.linalg.norm(x_rest[nodes] - x, axis=2).max(axis=1)
-    torn = np.flatnonzero(apart > _MEET * np.ptp(x, axis=1).max(axis=1))
+    torn = np.flatnonzero(apart > ALIKE * np.ptp(x, axis=1).max(axis=1))
     if len(torn):
         raise MeshError(
             f"{path}: {len(torn)} {cells} are curved otherwise than a neighbour at an {at} that they share, the first "

@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.materials import InclusionSpec
 from softseam_protocol.scene.parts import PartSpec
-from softseam_services.body.body import Floats, Ints
+from softseam_services.body.body import SAME, Floats, Ints
 from softseam_services.body.errors import MeshError
 from softseam_services.shapes import SHAPES
 from softseam_services.shapes.distance import shape_gaps
 
-_ON_FACE = 1e-9
-"""a centre this close to an inclusion's face, relative to the inclusion's reach, is inside"""
 _SIDES = np.array([(i, j, k) for k in (-1, 1) for j in (-1, 1) for i in (-1, 1)])
 
 
@@ -50,7 +48,7 @@ def holds(part: PartSpec, places: Floats) -> NDArray[np.bool_]:
     points = np.ascontiguousarray(places.reshape(-1, 3))
     gap = np.empty(len(points))
     shape_gaps(points, shape.number, geometry.numbers, np.array(part.position), geometry.orientation, gap)
-    return np.asarray(gap.reshape(places.shape[:-1]) <= _ON_FACE * geometry.reach)
+    return np.asarray(gap.reshape(places.shape[:-1]) <= SAME * geometry.reach)
 
 
 def _empty(i: int, inclusion: InclusionSpec, places: Floats, cell: float) -> MeshError:

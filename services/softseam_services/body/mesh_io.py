@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from softseam_services.body.body import Floats, Ints
+from softseam_services.body.body import SAME, Floats, Ints
 from softseam_services.body.cells_boundary import FACES, PLURAL, boundary, cell_volumes, flat_cells
 from softseam_services.body.errors import MeshError
 from softseam_services.body.formats.mesh_file import CORNERS, Block, Cells, MeshFile
@@ -17,7 +17,6 @@ from softseam_services.body.formats.reading import read_mesh_file
 
 _FACES = ("triangle", "quad")
 _IGNORED = ("vertex", "line")
-_WELD = 1e-9
 _CURVED = 0.01
 """of a cell's extent: a middle node farther than that from a middle of corners makes it curved"""
 
@@ -284,7 +283,7 @@ def _welded(points: Floats, blocks: Sequence[Block]) -> tuple[Floats, list[Block
 def _weld(vertices: Floats, cells: Cells) -> tuple[Floats, Cells]:
     """Merge points that coincide to 1e-9 of the extent (STL repeats each corner); cells follow."""
     extent = float(np.ptp(vertices, axis=0).max()) or 1.0
-    keys = np.rint((vertices - vertices.min(axis=0)) / (_WELD * extent)).astype(np.int64)
+    keys = np.rint((vertices - vertices.min(axis=0)) / (SAME * extent)).astype(np.int64)
     _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first, kind="stable")
     rank = np.empty(len(order), dtype=np.int64)

@@ -5,13 +5,12 @@ from itertools import product
 import numpy as np
 
 from softseam_services.body import tetrahedron
-from softseam_services.body.body import Body, Floats, Ints
+from softseam_services.body.body import ALIKE, Body, Floats, Ints
 from softseam_services.body.interpolate import hex27
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
 from softseam_services.body.tetrahedral_surface import lay_out
 
 _ROUNDS = 30
-_REACH = 1e-6
 _BULGE = 0.25
 """of a cell's extent, by which its curved faces may stand out beyond its nodes"""
 _FACE_MIDDLES = (12, 14, 10, 16, 4, 22)
@@ -33,7 +32,7 @@ def local_place(body: Body, at: Floats) -> tuple[int, Floats] | None:
             local = np.clip(local + step, -1.5, 1.5)
             if np.abs(step).max() < 1e-12:
                 break
-        if np.abs(local).max() <= 1.0 + _REACH and np.abs(step).max() < 1e-9:
+        if np.abs(local).max() <= 1.0 + ALIKE and np.abs(step).max() < 1e-9:
             return int(cell), np.clip(local, -1.0, 1.0)
     return None
 
@@ -52,7 +51,7 @@ def _place_in_tetrahedra(body: Body, at: Floats) -> tuple[int, Floats] | None:
             place[0] = 1.0 - place[1:].sum()
             if np.abs(step).max() < 1e-12:
                 break
-        if place.min() >= -_REACH and np.abs(step).max() < 1e-9:
+        if place.min() >= -ALIKE and np.abs(step).max() < 1e-9:
             inside = np.maximum(place, 0.0)
             return int(cell), tetrahedron.local_of(inside[None] / inside.sum())[0]
     return None

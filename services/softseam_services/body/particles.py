@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 from softseam_protocol.scene.particles import ParticleBodySpec
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import BoxRegion
-from softseam_services.body.body import Floats, Ints
+from softseam_services.body.body import SAME, Floats, Ints
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.friction_field import FrictionField, draw_field
 from softseam_services.body.skin import Skin
-
-_CLAMP_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -213,7 +211,7 @@ def placed(spec: ParticleBodySpec, x: Floats) -> Floats:
 
 def clamped(x_rest: Floats, boxes: tuple[BoxRegion, ...], size: float) -> NDArray[np.bool_]:
     """Points (N, 3) [m] of a body of this size [m] that are in a box (N,)."""
-    slack = _CLAMP_TOLERANCE * size
+    slack = SAME * size
     fixed = np.zeros(len(x_rest), dtype=np.bool_)
     for box in boxes:
         fixed |= np.all((x_rest >= np.array(box.min) - slack) & (x_rest <= np.array(box.max) + slack), axis=1)

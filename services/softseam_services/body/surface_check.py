@@ -6,12 +6,11 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from softseam_services.body.body import Floats, Ints
+from softseam_services.body.body import SAME, Floats, Ints
 from softseam_services.body.errors import MeshError
 from softseam_services.body.kernels.surface import find_crossings, grid_triangles
 from softseam_services.body.repair import FLAT, edges_of
 
-_PLANE = 1e-9
 _THIN_SOLID = 1e-6
 ROUNDING = 1e-12
 """of the extent: a coordinate that is less than that is given as 0"""
@@ -72,7 +71,7 @@ def triangle_areas(vertices: Floats, triangles: Ints) -> Floats:
 
 def _check_spread(path: str, vertices: Floats) -> None:
     spread = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
-    if spread[-1] < _PLANE * spread[0]:
+    if spread[-1] < SAME * spread[0]:
         raise MeshError(f"{path}: all points lie in a plane: a sheet has no inside; give it a thickness")
 
 

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softseam_services.body.body import Body, Floats, Ints
+from softseam_services.body.body import SAME, Body, Floats, Ints
 from softseam_services.body.errors import SettingError
 from softseam_services.body.region import node_of_point
 
-SAME = 1e-9
-"""of the shortest edge, of a mass, of a velocity: what differs by less is the same"""
 _BOX = np.sqrt(7.0) / 2**21
 """of the longest extent: boxes that hold one point, with borders where points of no grid are likely to be"""
 _CORNERS = np.array([2 * (o & 1) + 6 * (o >> 1 & 1) + 18 * (o >> 2 & 1) for o in range(8)])

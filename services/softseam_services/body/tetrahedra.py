@@ -14,7 +14,7 @@ import numpy as np
 from softseam_services.body.body import Floats
 from softseam_services.body.errors import MeshError
 from softseam_services.body.formats.mesh_file import Cells
-from softseam_services.body.hexahedra import OwnCells, rough_places, shared_nodes
+from softseam_services.body.hexahedra import POOR, OwnCells, rough_places, shared_nodes
 from softseam_services.body.mesh_io import RawTetrahedra
 from softseam_services.body.surface_check import check_surface
 from softseam_services.body.tetrahedral_surface import lay_out, outer_faces, surface_of
@@ -27,8 +27,6 @@ _DIAGONALS = np.array([[3, 1], [2, 4], [0, 5]])
 """edges between whose middles they run"""
 _LONGER = 1.0 + 1e-9
 """a diagonal that another one is not shorter than by more than rounding stays"""
-_POOR = 0.1
-"""quality below which a cell is worth a warning"""
 _RULE = np.concatenate([np.full((4, 4), 1.0 / 6.0) + np.eye(4) / 3.0, np.full((1, 4), 0.25)])
 _WEIGHTS = np.array([0.45, 0.45, 0.45, 0.45, -0.8]) / 6.0
 """points and weights that are exact to degree 3, which the volume ratio of a curved cell has"""
@@ -120,7 +118,7 @@ def _doubts(x: Floats, volume: Floats) -> list[str]:
     eta = 12 (3 V)^(2/3)/sum l^2)."""
     square = ((x[:, ENDS[:, 0]] - x[:, ENDS[:, 1]]) ** 2).sum(axis=(1, 2))
     quality = 12.0 * np.cbrt(3.0 * volume) ** 2 / square
-    poor = quality < _POOR
+    poor = quality < POOR
     if not poor.any():
         return []
     return [

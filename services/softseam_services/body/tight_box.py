@@ -9,12 +9,10 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from softseam_protocol.nearest_axes import nearest_axes
-from softseam_services.body.body import Floats
+from softseam_services.body.body import ALIKE, Floats
 
 _MOST_SIDES = 200
 """sides of the hull that are tried, the largest first: a round solid has thousands, and any of them will do"""
-_SAME = 1e-6
-"""normals that differ by less are of one side"""
 _TIGHTER = 0.85
 """volume of the tightest box over that along the file's axes, from which on it is worth turning to: drawn along its
 axes, a solid keeps them"""
@@ -30,13 +28,13 @@ def tightest_axes(points: Floats) -> Floats:
     corners = points[hull.vertices]
     a, b, c = (points[hull.simplices[:, corner]] for corner in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    rounded = np.round(hull.equations[:, :3] / _SAME)
+    rounded = np.round(hull.equations[:, :3] / ALIKE)
     _, first, side = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     largest = np.argsort(-np.bincount(side.reshape(-1), area), kind="stable")[:_MOST_SIDES]
     axes, least = np.eye(3), _TIGHTER * float(np.ptp(points, axis=0).prod())
     for normal in hull.equations[first[largest], :3]:
         found, volume = _box_on(normal, corners)
-        if volume < (1.0 - _SAME) * least:
+        if volume < (1.0 - ALIKE) * least:
             axes, least = found, volume
     return _nearest(axes)
 

@@ -4,7 +4,7 @@ itself are left out."""
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.body.body import Floats, Ints
+from softseam_services.body.body import SAME, Floats, Ints
 from softseam_services.body.formats.polygons import MOST_CORNERS, triangulate
 from softseam_services.body.one_body import DUST
 from softseam_services.body.repair import edges_of, repair
@@ -12,8 +12,6 @@ from softseam_services.body.surface_check import crossings, enclosed_volume, ori
 
 _MOST_BODIES = 500
 """that are united; with more a file is no solid in pieces"""
-_IN_ONE_PLANE = 1e-9
-"""of the extent: faces that are so near are in one plane, for files round coordinates"""
 _FEW = 100
 """pairs of edge and triangle that cross; with more it is no slip of a point"""
 _MOST_POINTS, _MOST_TRIANGLES = 10, 300_000
@@ -54,7 +52,7 @@ def _unite(path: str, vertices: Floats, triangles: Ints) -> Mended | None:
     for each in bodies.values():
         used, corners = np.unique(np.concatenate(each), return_inverse=True)
         mesh = manifold3d.Mesh64(vertices[used], corners.reshape(-1, 3).astype(np.uint64))
-        solids.append(manifold3d.Manifold(mesh).set_tolerance(_IN_ONE_PLANE * extent))
+        solids.append(manifold3d.Manifold(mesh).set_tolerance(SAME * extent))
     union = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
     if union.status() != manifold3d.Error.NoError or union.is_empty():
         return None

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.scene.models import FemSpec
-from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.body import SAME, Body, Floats, Ints, Region
 from softseam_services.body.region import build_region, node_of_point
-from softseam_services.body.symmetry import SAME, SymmetryPlane, asymmetric, match, mirrored, symmetry_plane
+from softseam_services.body.symmetry import SymmetryPlane, asymmetric, match, mirrored, symmetry_plane
 from softseam_services.fem.face_forces import point_positions
 from softseam_services.fem.kernels.contact import FORCE
 from softseam_services.fem.kernels.symmetry import add_images, unfold_contact, unfold_nodes

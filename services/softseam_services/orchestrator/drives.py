@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from softseam_protocol.scene.motion import ClosePhase, MovePhase, OpenPhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import PlaneTool, ToolSpec
-from softseam_services.body.body import Body, Material
+from softseam_services.body.body import ALIKE, Body, Material
 from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import bounding_points
 from softseam_services.orchestrator.grip import AT_REST, nearest_body
@@ -45,8 +45,6 @@ SPEED, STIFFNESS, RESISTANCE, WAY, LARGEST, RELEASED = range(6)
 """columns of the state: [m/s], [N/m], resistance [N], way of the last step [m], resistance to the tool that feels most
 [N]; a force is held on average, so where one is, the third is the tools' mean, else it is the fifth; 1 where the force
 is held no more"""
-_APART = 1e-6
-"""of the tools' speed: from which on a phase moves them apart or together [1]"""
 _FALL, _RISE = 0.8, 2.0
 """of the stiffness expected, in a step: a small way beside a large change of force may be the body's own doing"""
 _LEAST = 0.02
@@ -136,7 +134,7 @@ class Drives:
         if isinstance(moving, TurnPhase) and {*drive.tools} <= {self._index[name] for name in moving.tools}:
             return False
         uneven = ways - ways.mean(axis=0)
-        return abs(float((uneven * velocity).sum())) > _APART * float(np.abs(velocity).max())
+        return abs(float((uneven * velocity).sum())) > ALIKE * float(np.abs(velocity).max())
 
     def _ways(self, drive: Drive, orientation: Floats) -> Floats:
         """Unit vectors along which its tools press (n, 3)."""

@@ -75,7 +75,7 @@ UNMEASURED = 2.0
 """the largest of these, for elements from outside"""
 MODEL = 7.5
 """c of PBD over 1 - 2 nu [1]: its error is measured with full quadrature, to which volume changes are dear"""
-_MORE = 4.0
+MORE = 4.0
 """strain energy over that of the last look at which the end of a phase is looked at [1]"""
 _WELL = 1e-3
 """and over shear modulus times volume: a strain of some 3 % [1]"""
@@ -120,7 +120,7 @@ class ErrorEstimator:
         looked = self._found[1] if len(self._found) else 0.0
         if run_ends:
             return looked == 0.0 or strain > looked
-        return strain > max(_MORE * looked, self._well)
+        return strain > max(MORE * looked, self._well)
 
     def look(self, time: float, parts: Parts, fields: Mapping[str, Fields], goal: GoalError | None = None) -> None:
         """Take over what the parts found at a time [s]; the fields were asked for with their own indicators."""

@@ -39,7 +39,7 @@ from softseam_services.body.body import Body, Ints
 from softseam_services.body.errors import MeshError, SettingError
 from softseam_services.body.recover import von_mises
 from softseam_services.body.region import build_region
-from softseam_services.orchestrator.error_estimate import MESH, UNMEASURED, GoalError, NoAdjoint, model_shares
+from softseam_services.orchestrator.error_estimate import MESH, MORE, UNMEASURED, GoalError, NoAdjoint, model_shares
 from softseam_services.orchestrator.grip import Placement
 from softseam_services.orchestrator.grips import Grips
 from softseam_services.orchestrator.parts import Parts, merged_state
@@ -215,8 +215,6 @@ def _slopes(octant: int, at_point: bool) -> Floats:
 
 EVERY = 100
 """steps between looks"""
-_MORE = 4.0
-"""strain energy over that of the last look at which the next one is due [1]"""
 
 
 class GoalWatch:
@@ -242,7 +240,7 @@ class GoalWatch:
 
         step, strain  the last step's number, and the body's strain energy after it [J]
         """
-        if strain > _MORE * self._strain or step >= self._step + EVERY:
+        if strain > MORE * self._strain or step >= self._step + EVERY:
             try:
                 found = look()
             except NoAdjoint:

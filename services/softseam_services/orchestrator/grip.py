@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_services.body.body import ALIKE
 from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import bounding_points, rest_points
 from softseam_services.shapes.branches import PLANE
@@ -54,10 +55,6 @@ class Placement:
 
 
 AT_REST = Placement()
-
-
-_ASIDE = 1e-6
-"""of the width: what is no rounding [1]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +151,7 @@ class Grip:
         """Whether tools at (t, 3) [m] were moved otherwise than along their ways since they began to close."""
         way = position[self.index] - self.begun
         across = way - (way * self.inward).sum(axis=1, keepdims=True) * self.inward
-        return float(np.abs(across).max()) > _ASIDE * self.width
+        return float(np.abs(across).max()) > ALIKE * self.width
 
     @property
     def spread_begun(self) -> float:

@@ -14,7 +14,7 @@ from softseam_protocol.quantities import PROBED
 from softseam_protocol.scene.spec import Vector
 from softseam_protocol.table import Table
 from softseam_services.body import tetrahedron
-from softseam_services.body.body import Body
+from softseam_services.body.body import SAME, Body
 from softseam_services.body.build import AnyBody
 from softseam_services.body.errors import MeshError
 from softseam_services.body.interpolate import bounding_points, hex27
@@ -22,8 +22,6 @@ from softseam_services.body.own_shapes import local_place
 from softseam_services.body.recover import point_recovery, von_mises
 
 Floats = NDArray[np.float64]
-_REACH = 1e-9
-"""by how much of a cell a probe may lie outside, for rounding"""
 
 PROBE_MEASUREMENTS: Table[Callable[[Floats, Floats], Floats]] = Table(
     "measurements at probes",
@@ -132,7 +130,7 @@ def place_of(body: Body, name: str, at: Floats) -> tuple[int, int, Floats]:
     octant = (local >= 0.0) @ np.array([1, 2, 4])
     empty = body.fill[np.arange(body.n_cells), octant] == 0.0
     cell = int(np.argmin(np.where(empty, np.inf, outside)))
-    if empty.all() or outside[cell] > 1.0 + _REACH:
+    if empty.all() or outside[cell] > 1.0 + SAME:
         raise _not_inside(body, name, at)
     return cell, int(octant[cell]), np.clip(local[cell], -1.0, 1.0)
 

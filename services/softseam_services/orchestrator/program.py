@@ -25,6 +25,7 @@ from softseam_protocol.scene.motion import (
     ReleasePhase,
     TurnPhase,
 )
+from softseam_services.body.body import SAME
 from softseam_services.orchestrator.force_search import ForceSearch, is_near
 from softseam_services.orchestrator.grip import Grip
 from softseam_services.orchestrator.grips import Grips
@@ -35,8 +36,6 @@ from softseam_services.tools.kernels import rotate
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
-_ROUNDING = 1e-9
-"""of a step or a length: what counts as reached"""
 _WAY, _HANDS = (MovePhase, TurnPhase), (GripPhase, ReleasePhase)
 """phases in which tools have a way to go, and in which they take or let go particles"""
 
@@ -134,7 +133,7 @@ class Program:
             if progress.phase in self._searches:
                 duration = min(duration, self._to_force(progress, position, orientation))
             return self._way(progress, duration, position, orientation) / self._dt, None
-        rest, tick = self._dt, _ROUNDING * self._dt
+        rest, tick = self._dt, SAME * self._dt
         if self._left(progress, position, orientation) > rest + tick:
             way = self._way(progress, rest, position, orientation)
             return way / self._dt, Progress(progress.phase, progress.elapsed + rest)
@@ -191,7 +190,7 @@ class Program:
         phase, grip = self._phases[progress.phase], self.grips.of(progress.phase)
         if grip is None or not isinstance(phase, ClosePhase) or phase.until.time is None:
             return ""
-        if progress.elapsed + self._dt < phase.until.time * (1.0 - _ROUNDING):
+        if progress.elapsed + self._dt < phase.until.time * (1.0 - SAME):
             return ""  # something else ended it
         return unreached(progress.phase, phase, grip.compression(position, orientation), force)
 
@@ -202,7 +201,7 @@ class Program:
         if not isinstance(phase, ClosePhase) or phase.until.compression is None:
             return ""
         told = self._grip(number).compression(position, orientation)
-        if told < phase.until.compression * (1.0 - _ROUNDING):
+        if told < phase.until.compression * (1.0 - SAME):
             return ""
         return turned_away(number, phase, told, self.grips.as_it_stands(number, position, orientation))
 
@@ -317,8 +316,8 @@ class Program:
         """How early a phase that takes whole steps may end [s]: one that only stands ends with the nearest step."""
         phase = self._phases[number]
         if isinstance(phase, ClosePhase):
-            return _ROUNDING * max(self._dt, self._grip(number).width / (2.0 * phase.close))
-        return (_ROUNDING if isinstance(phase, (*_WAY, OpenPhase)) else 0.5) * self._dt
+            return SAME * max(self._dt, self._grip(number).width / (2.0 * phase.close))
+        return (SAME if isinstance(phase, (*_WAY, OpenPhase)) else 0.5) * self._dt
 
     def _waits(self, progress: Progress, way: Floats) -> bool:
         """Whether a phase waits for the next step: a force decides on it, hands open or close, or tools turn twice."""

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.scene.motion import ClosePhase, Phase
+from softseam_services.orchestrator.force_search import NEAR_ENOUGH
 
 Floats = NDArray[np.float64]
 
 _HELD = 0.9
 """of the force that a phase is to hold, from which on its tools have taken hold"""
-_NEAR = 0.98
+_NEAR = 1.0 - NEAR_ENOUGH
 """of the force or squeeze that is to end a phase, from which on it was reached"""
 _TURNED, _LEAST_TURNED = 0.25, 0.02
 """of a compression, and [1], both of which a body must lack to be told of: what it deforms by turns it, too"""

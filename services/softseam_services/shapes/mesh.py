@@ -8,7 +8,7 @@ import numpy as np
 
 from softseam_protocol.messages.recording import ToolSurface
 from softseam_protocol.scene.tools import MeshTool
-from softseam_services.body.body import Floats, Ints
+from softseam_services.body.body import ALIKE, Floats, Ints
 from softseam_services.body.embed import base_of, read_in_place
 from softseam_services.body.errors import MeshError
 from softseam_services.body.surface_check import enclosed_volume, orient, triangle_areas
@@ -39,8 +39,6 @@ PLANE, SAME_PLANE = 1.0 / 12.0, 2e-3
 """of a surface, what counts as flat; of a normal and of the longest edge, within which triangles lie in one plane"""
 CHAMFER = 0.7
 """spacings: by such a radius a grid's own cells round edges already, a right angle's"""
-CONVEX = 1e-6
-"""of the longest edge: vertices of a convex solid stand out beyond its planes by no more"""
 THINNED = 0.8
 """of a radius by which edges are rounded: so much is taken off walls that are thinner"""
 Surface = tuple[Floats, Ints]
@@ -151,12 +149,12 @@ def _shrunk(vertices: Floats, triangles: Ints, radius: float) -> Surface | None:
     area = triangle_areas(vertices, triangles)
     normal = area / np.linalg.norm(area, axis=1, keepdims=True)
     offset = np.einsum("ti,ti->t", normal, vertices[triangles[:, 0]])
-    if (normal @ vertices.T - offset[:, None]).max() > CONVEX * size:
+    if (normal @ vertices.T - offset[:, None]).max() > ALIKE * size:
         return None
     planes = np.unique(np.round(np.column_stack([normal, (radius - offset) / size]), 9), axis=0)
     planes[:, 3] *= size
     middle = vertices.mean(axis=0)
-    if (planes[:, :3] @ middle + planes[:, 3]).max() > -CONVEX * size:
+    if (planes[:, :3] @ middle + planes[:, 3]).max() > -ALIKE * size:
         return None
     try:
         corners = HalfspaceIntersection(planes, middle).intersections

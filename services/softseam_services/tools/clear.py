@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from softseam_services.body.body import Body, Floats, Ints
+from softseam_services.body.body import SAME, Body, Floats, Ints
 from softseam_services.body.errors import ToolError
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.particles import ParticleBody
@@ -11,8 +11,6 @@ from softseam_services.body.units import LOOKS_LIKE
 from softseam_services.tools.kernels import least_gaps, rotate
 from softseam_services.tools.tool_set import ToolSet
 
-TOUCHING = 1e-9
-"""depth that counts as touching, relative to the body's size [1]"""
 _LARGER = 5.0
 """times the body's extent: a mesh that is larger, and starts inside it, may be in another unit"""
 SHRINK = 1e-6
@@ -78,7 +76,7 @@ def check_clear_of_particles(tools: ToolSet, body: ParticleBody) -> None:
 
 def _slack(tools: ToolSet, tool: int, size: float) -> float:
     """Depth that counts as touching [m]; with what the tool's distance may be wrong by."""
-    return TOUCHING * size + tools.geometry[tool].slack
+    return SAME * size + tools.geometry[tool].slack
 
 
 def _probes(tools: ToolSet, tool: int, points: Floats) -> Floats:

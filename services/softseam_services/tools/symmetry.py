@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from softseam_protocol.scene.motion import ClosePhase, MovePhase, OpenPhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
-from softseam_services.body.body import Body
-from softseam_services.body.symmetry import SAME, SymmetryPlane, asymmetric, symmetry_plane
+from softseam_services.body.body import SAME, Body
+from softseam_services.body.symmetry import SymmetryPlane, asymmetric, symmetry_plane
 from softseam_services.tools.kernels.symmetry import tool_astray
 from softseam_services.tools.tool_set import ToolSet
 

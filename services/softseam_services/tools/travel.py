@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from softseam_protocol.messages.participant import ToolMotion
-from softseam_services.body.body import Floats
+from softseam_services.body.body import SAME, Floats
 from softseam_services.shapes.branches import BOX
 from softseam_services.tools.kernels import rotate, rotate_back
 from softseam_services.tools.tool_set import ToolSet
@@ -17,7 +17,6 @@ FINEST = 32
 """parts of a step, at most, in which bodies follow what a tool does"""
 _SHARE = 0.5
 """of a tool's radius, that it may come on by in a part"""
-_ROUNDING = 1e-9
 
 
 def parts_needed(tools: ToolSet, motion: ToolMotion, x: Floats, v: Floats, dt: float) -> int:
@@ -79,7 +78,7 @@ def _ball_beyond(ball: Floats, motion: ToolMotion, tool: int, turned: bool) -> b
     if turned:
         before, after = motion.orientation[tool], motion.orientation_next[tool]
         way = way + np.array(rotate(after, *centre)) - np.array(rotate(before, *centre))
-    return math.hypot(*way) >= (1.0 - _ROUNDING) * float(ball[3])
+    return math.hypot(*way) >= (1.0 - SAME) * float(ball[3])
 
 
 def _box_beyond(half: Floats, motion: ToolMotion, tool: int, turned: bool) -> bool:
@@ -95,10 +94,10 @@ def _box_beyond(half: Floats, motion: ToolMotion, tool: int, turned: bool) -> bo
         return False
     if not turned:
         inside = rotate_back(before, *way)
-        return any(abs(part) >= (1.0 - _ROUNDING) * edge for part, edge in zip(inside, half, strict=True))
+        return any(abs(part) >= (1.0 - SAME) * edge for part, edge in zip(inside, half, strict=True))
     for corner in np.array(np.meshgrid(*((-edge, edge) for edge in half))).reshape(3, 8).T:
         still = np.array(rotate(before, *corner))
         seen = np.array(rotate_back(after, *(still - way)))
-        if (seen * np.sign(corner) <= _ROUNDING * np.abs(corner)).any():
+        if (seen * np.sign(corner) <= SAME * np.abs(corner)).any():
             return True
     return False
