@@ -57,19 +57,17 @@ class StepLosses:
         np.maximum(touched, touches, out=touched)
         taken += dissipation
         np.maximum(largest, kinetic + strain, out=largest)
-        if not touches.any() and not came.any():
-            free[:] = kinetic
-            return {}
-        came[:] = np.where(begins, np.where(free > self._least, free, 0.0), came)
-        came[touches & (drive_work != 0.0)] = 0.0
-        lost[:] = np.where(begins, 0.0, lost) + np.where(touches, dissipation, 0.0)
-        ends = (came > 0.0) & (~touches | (kinetic < _REST * came)) & self._watched
-        told = {}
-        for place in np.flatnonzero(ends).tolist():
-            share, came[place] = float(lost[place] / came[place]), 0.0
-            if share > max(LIMIT, worst[place]):
-                worst[place] = share
-                told[place] = f"{self._said(place)}; {self._advice(place)}"
+        told: dict[int, str] = {}
+        if begins.any() or came.any():  # hardly ever
+            came[:] = np.where(begins, np.where(free > self._least, free, 0.0), came)
+            came[touches & (drive_work != 0.0)] = 0.0
+            lost[:] = np.where(begins, 0.0, lost) + np.where(touches & (came > 0.0), dissipation, 0.0)
+            ends = (came > 0.0) & (~touches | (kinetic < _REST * came)) & self._watched
+            for place in np.flatnonzero(ends).tolist():
+                share, came[place] = float(lost[place] / came[place]), 0.0
+                if share > max(LIMIT, worst[place]):
+                    worst[place] = share
+                    told[place] = f"{self._said(place)}; {self._advice(place)}"
         free[:] = np.where(touches, free, kinetic)
         return told
 
