@@ -14,10 +14,7 @@ APART = (
     *(f"softseam_protocol/participant/{name}.py" for name in ("part", "part_mesh", "part_solver")),
     *(f"softseam_services/{name}.py" for name in ("__main__", "bus_options", "child", "health", "launch", "lifeline")),
     *(f"softseam_services/{name}.py" for name in ("participant_service", "progress", "supervisor")),
-    *(
-        f"softseam_services/orchestrator/{name}.py"
-        for name in ("bus_transport", "client_liveness", "client_session", "singleton")
-    ),
+    *(f"softseam_services/orchestrator/{name}.py" for name in ("bus_transport", "client_liveness", "client_session")),
     *(f"softseam_services/orchestrator/{name}.py" for name in ("recorder_feed", "service")),
     "softseam_services/recorder/*.py",
     "softseam_services/checks/*.py",
