@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import os
-import re
 import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
+from asked import free_endpoint, served, until
 
 from softseam_protocol.bus import client as bus_module
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.bus.inbox import Inbox, Received
 from softseam_protocol.bus.server import MOST_WAITING
-from softseam_protocol.errors import BusError, BusTimeout, DecodeError, ForkedBus, NoReply, NoRouter, PortBusy, Refused
+from softseam_protocol.errors import BusError, BusTimeout, DecodeError, ForkedBus, NoReply, Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Commit, Committed, Failure, Observe, Release
@@ -29,12 +28,6 @@ from softseam_protocol.wire.codec import decode, encode
 KEYS = Keys("test")
 KEY = KEYS.participant("fem")
 HEADER = Header(SCHEMA_VERSION, "s", "near", 0, 1, 0, 0.0)
-
-
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 @pytest.fixture(scope="module")
@@ -56,33 +49,12 @@ def other(endpoint: str) -> Iterator[Bus]:
         yield one
 
 
-def until(condition: Callable[[], bool], seconds: float = 5.0) -> bool:
-    """Wait for `condition()`; discovery on the bus is asynchronous."""
-    end = time.monotonic() + seconds
-    pause = threading.Event()
-    while time.monotonic() < end:
-        if condition():
-            return True
-        pause.wait(0.005)
-    return False
-
-
-def served(bus: Bus, key: str = KEY, payload: bytes = b"") -> bool:
-    try:
-        bus.request(key, payload, 1.0)
-    except NoReply:
-        return False
-    except (Refused, BusTimeout):
-        return True
-    return True
-
-
 def test_request_gets_the_reply(bus: Bus, other: Bus) -> None:
     def handle(payload: bytes) -> bytes:
         return encode(Committed(decode(payload, Commit).header))
 
     server = other.serve({KEY: handle}).start()
-    assert until(lambda: served(bus))
+    assert until(lambda: served(bus, KEY))
     assert bus.call(KEY, Commit(HEADER), Committed, 2.0) == Committed(HEADER)
     assert until(lambda: server.answered >= 1 and server.busy == 0.0)
     with pytest.raises(DecodeError, match=r"Committed where one of these belongs|answered with a Committed"):
@@ -178,48 +150,12 @@ def test_a_failing_handler_answers_with_its_failure(bus: Bus, other: Bus, payloa
         return encode(decode(payload, Commit))
 
     other.serve({KEY: handle}).start()
-    assert until(lambda: served(bus, payload=encode(Commit(HEADER))))
+    assert until(lambda: served(bus, KEY, payload=encode(Commit(HEADER))))
     with pytest.raises(Refused, match=text) as caught:
         bus.request(KEY, payload, 2.0)
     assert caught.value.failure.kind == kind
     # the server goes on
     assert bus.request(KEY, encode(Commit(HEADER)), 2.0) == encode(Commit(HEADER))
-
-
-def test_no_router_names_the_endpoint_and_the_remedy() -> None:
-    where = free_endpoint()
-    began = time.monotonic()
-    with pytest.raises(NoRouter, match=f"{where}.*softseam up"):
-        Bus(where, connect_timeout=0.3)
-    assert time.monotonic() - began < 3.0
-
-
-@pytest.mark.parametrize(
-    "endpoint", ["nonsense", "tcp/localhost", "127.0.0.1:7447", "tcp/127.0.0.1:port", "tls/here:99999", "tcp/", ""]
-)
-def test_what_is_no_endpoint_is_told_what_one_looks_like(endpoint: str) -> None:
-    told = re.escape(f"{endpoint!r} is no endpoint: give tcp/HOST:PORT, such as tcp/127.0.0.1:7447")
-    for refused in (Bus, Router):
-        with pytest.raises(BusError, match=f"^{told}$"):
-            refused(endpoint)
-    with pytest.raises(BusError, match=f"^{told}$"):
-        Bus(free_endpoint(), extra={"mode": "peer", "listen/endpoints": [endpoint]})
-
-
-def test_a_busy_port_names_the_endpoint_and_the_remedy(endpoint: str) -> None:
-    with pytest.raises(PortBusy, match=f"{endpoint}.*in use"):
-        Router(endpoint)
-
-
-def test_a_client_waits_for_a_router_that_comes_late() -> None:
-    where = free_endpoint()
-    connected: list[Bus] = []
-    thread = threading.Thread(target=lambda: connected.append(Bus(where, connect_timeout=10.0)))
-    thread.start()
-    with Router(where):
-        thread.join(10.0)
-        assert len(connected) == 1
-        connected[0].close()
 
 
 _SERVER = """
@@ -295,7 +231,7 @@ def test_whether_anybody_listens(bus: Bus, other: Bus, monkeypatch: pytest.Monke
     monkeypatch.setattr(bus_module, "_INTRODUCTION", 0.0)
     assert not bus.listened(key)
     bus.serve({KEY: lambda _: b"yes" if bus.listened(key) else b"no"}).start()
-    assert until(lambda: served(other))
+    assert until(lambda: served(other, KEY))
     for _ in range(20):
         inbox = other.subscribe(KEYS.session_all())
         assert other.request(KEY, b"", 5.0) == b"yes"
@@ -387,20 +323,6 @@ def test_a_closed_bus_says_so(endpoint: str) -> None:
     one.close()
     with pytest.raises(BusError, match="closed"):
         one.request(KEY, b"", 1.0)
-
-
-def test_clients_survive_a_restart_of_the_router() -> None:
-    where = free_endpoint()
-    router = Router(where)
-    with Bus(where) as asking, Bus(where) as answering:
-        answering.serve({KEY: lambda payload: payload}).start()
-        assert until(lambda: served(asking))
-        router.close()
-        with pytest.raises((NoReply, BusTimeout)):
-            asking.request(KEY, b"x", 1.0)
-        with Router(where):
-            assert until(lambda: served(asking), 20.0)
-            assert asking.request(KEY, b"y", 2.0) == b"y"
 
 
 @pytest.mark.parametrize("name", ["", "a/b", "a*", "@live", "x" * 65, "ä", "a b", "../x"])

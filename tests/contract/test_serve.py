@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -17,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import small_part
+from asked import free_endpoint
 from small_part import PUSH, TOO_MUCH, Springs, advance, configure, header, upset
 
 from softseam.conform.command import PASSED, run_checks
@@ -49,12 +49,6 @@ ORDER = (
     "not_a_number other_schema unknown_model foreign_state garbage"
 ).split()
 """checks of the kit that are no matter of mechanics"""
-
-
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 @pytest.fixture(scope="module")
