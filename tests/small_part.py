@@ -10,6 +10,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,23 @@ from numpy.typing import NDArray
 from softseam.conform.examined_part import DENSITY, EDGE, FAR_END, POISSON, STEP, YOUNG, mesh
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.names import ONLY_BODY, within
-from softseam_protocol.messages.participant import Advance, Configure, Correct, Failure, Reply, Request, ToolMotion
+from softseam_protocol.messages.outcomes import Status
+from softseam_protocol.messages.participant import (
+    Advance,
+    Advanced,
+    Committed,
+    Configure,
+    Configured,
+    Correct,
+    Failure,
+    Fields,
+    Observe,
+    Reply,
+    Request,
+    Restored,
+    SnapshotTaken,
+    ToolMotion,
+)
 from softseam_protocol.participant.handler import ParticipantHandler
 from softseam_protocol.participant.part import Part
 from softseam_protocol.participant.part_solver import participant_of
@@ -25,6 +42,7 @@ from softseam_protocol.participant.serve import serve
 from softseam_protocol.participant.state import State
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
+from softseam_protocol.wire.codec import encode
 
 Floats = NDArray[np.float64]
 
@@ -112,6 +130,36 @@ def refused(to: ParticipantHandler, request: Request) -> tuple[str, str]:
     reply = ask(to, request)
     assert isinstance(reply, Failure), reply
     return str(reply.kind), reply.message
+
+
+def begun(part: type[Part] = Springs, steps: int = 2) -> ParticipantHandler:
+    """A participant with a part that has taken some steps, the last of them tentative."""
+    one = handler(part)
+    assert isinstance(ask(one, configure()), Configured)
+    for step in range(steps):
+        taken(one, step)
+    return one
+
+
+def taken(one: ParticipantHandler, step: int, exchange: int = 0, force: Floats = PUSH) -> Advanced:
+    """The answer to a step that converged."""
+    reply = ask(one, advance(header(step, exchange), force))
+    assert isinstance(reply, Advanced) and reply.status is Status.CONVERGED, reply
+    return reply
+
+
+def seen(one: ParticipantHandler, session: str = "s") -> Fields:
+    """What a part shows of its state."""
+    reply = ask(one, Observe(header(session=session)))
+    assert isinstance(reply, Fields)
+    return reply
+
+
+def same(one: Reply, other: Reply) -> bool:
+    """Whether two replies are the same but for the clock."""
+    clocks = (Configured, Advanced, Committed, Fields, SnapshotTaken, Restored)
+    first, second = (replace(each, seconds=0.0) if isinstance(each, clocks) else each for each in (one, other))
+    return encode(first) == encode(second)
 
 
 def _dies(state: State) -> State:
