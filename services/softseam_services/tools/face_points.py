@@ -6,6 +6,7 @@ middles of 4 x 4 patches a face, and at no node.
 """
 
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -23,6 +24,7 @@ from softseam_services.tools.tool_set import ToolSet
 Mask = NDArray[np.bool_]
 
 
+@cache
 def _middles() -> tuple[Floats, Floats]:
     """Places of the patches of each face in the cell (6, 16, 3), and derivatives of the cell's functions along u and v
     there (6, 16, 27, 2)."""
@@ -40,7 +42,6 @@ def _middles() -> tuple[Floats, Floats]:
     return place, slope
 
 
-_MIDDLES, _SLOPES = _middles()
 _ASIDE = 0.1
 """half of the way over which weights are compared, in the cell: functions are quadratic at most, and the same there"""
 
@@ -88,7 +89,7 @@ def face_points(body: Body, region: Region, faces: Ints, functions: Functions) -
     carrier, side = faces.T
     nodes = _nodes(region, faces)
     area = _areas(body, region, faces)
-    cell, local = np.repeat(carrier, PATCHES**2), _MIDDLES[side].reshape(-1, 3)
+    cell, local = np.repeat(carrier, PATCHES**2), _middles()[0][side].reshape(-1, 3)
     indptr = np.zeros(len(cell) + 1, dtype=np.int32)
     node, weight = np.empty(27 * len(cell), dtype=np.int32), np.empty(27 * len(cell))
     number = FUNCTION_NUMBER[functions]
@@ -137,7 +138,7 @@ def _nodes(region: Region, faces: Ints) -> Ints:
 def _areas(body: Body, region: Region, outer: Ints) -> Floats:
     """Of the patches of faces (f, 2) at rest (f, 16) [m^2]:  |x_u x x_v| du dv."""
     x = body.x_rest[body.cell_nodes[region.cells[outer[:, 0]]]]  # (f, 27, 3)
-    along = np.einsum("fpak,fai->fpki", _SLOPES[outer[:, 1]], x)
+    along = np.einsum("fpak,fai->fpki", _middles()[1][outer[:, 1]], x)
     return np.asarray(np.linalg.norm(np.cross(along[:, :, 0], along[:, :, 1]), axis=2) * (2.0 / PATCHES) ** 2)
 
 
