@@ -14,7 +14,11 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Ints
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
+from softseam_services.fem.model import FemModel
+from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.solver import FemSolver
+from softseam_services.fem.step import Stepper
+from softseam_services.fem.work import Work
 from softseam_services.tools.build import build_tools
 
 Floats = NDArray[np.float64]
@@ -88,6 +92,25 @@ class FemRun:
     @property
     def x(self) -> Floats:
         return self.solver.state.x
+
+    @property
+    def model(self) -> FemModel:
+        """The structure that the solver steps."""
+        return self.solver._model
+
+    @property
+    def parameters(self) -> FemParameters:
+        """Its numbers."""
+        return self.solver._parameters
+
+    @property
+    def stepper(self) -> Stepper:
+        return self.solver._stepper
+
+    @property
+    def work(self) -> Work:
+        """What a step works in."""
+        return self.stepper.work
 
     def request(
         self,

@@ -103,7 +103,7 @@ def bar_wave(n: int, substeps: int | str) -> tuple[float, float]:
         force = np.zeros((len(face), 3))
         force[:, 0] = pressure * 0.05 * 0.05 * weight
         run.step(force)
-        history.append(float(run.solver._committed.v[at, 0].mean()))
+        history.append(float(run.committed.v[at, 0].mean()))
     peak, after = max(history), history[round(0.06 / scene.step) :]
     return peak / 1e-3 - 1.0, float(np.abs(after).max()) / 1e-3
 

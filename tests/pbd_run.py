@@ -17,7 +17,7 @@ from softseam_services.pbd.kernels.block import N_STRESS
 from softseam_services.pbd.kernels.sweep import batch_energies, block_forces, exact_stress, new_workspace, strain_energy
 from softseam_services.pbd.solver import PbdSolver
 from softseam_services.pbd.state import PbdState
-from softseam_services.pbd.step import StepInputs, attempt
+from softseam_services.pbd.step import StepInputs, StepScratch, attempt
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.motion import tool_motion
 
@@ -146,18 +146,28 @@ class PbdRun:
         """The tentative state of one attempt by plan, behind the back of what would refuse or repeat it."""
         solver = self.solver
         inputs = StepInputs(request.tools, request.coupling_force, request.coupling_force_start)
-        attempt(solver.model, solver.parameters, solver._committed, inputs, request.dt, solver._scratch, 0)
+        attempt(solver.model, solver.parameters, self.committed, inputs, request.dt, self.scratch, 0)
         solver._tentative = True
+
+    @property
+    def committed(self) -> PbdState:
+        """The state that the next step begins with."""
+        return self.solver._committed
+
+    @property
+    def scratch(self) -> StepScratch:
+        """What a step works in."""
+        return self.solver._scratch
 
     @property
     def figures(self) -> Floats:
         """Of the last step, see `pbd.kernels.summary`; those of the next one take their place."""
-        return self.solver._scratch.outputs.result
+        return self.scratch.outputs.result
 
     @property
     def work(self) -> PbdState:
         """The tentative state."""
-        return self.solver._scratch.next
+        return self.scratch.next
 
     def fields(self) -> Fields:
         return self.solver.fields(self.header())

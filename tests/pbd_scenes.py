@@ -36,12 +36,12 @@ def two_threads(console: Console) -> None:
             pbd={"substeps": 20},
         )
         runs = PbdRun(scene), PbdRun(scene)
-        if not runs[1].solver._scratch.pair.possible:
+        if not runs[1].scratch.pair.possible:
             continue
         least = [np.inf, np.inf]
         for _ in range(7):
             for two, run in enumerate(runs):
-                _force(run.solver._scratch.pair, two > 0)
+                _force(run.scratch.pair, two > 0)
                 request = run.request()
                 began = perf_counter()
                 run.solver.advance(request)

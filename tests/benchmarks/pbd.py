@@ -153,10 +153,10 @@ def _allocated() -> int:
 
 def _allocations(run: PbdRun, request: Advance, substeps: int) -> int:
     """What numba allocates in a step; handing an array over counts, too, so only differences mean something."""
-    run.solver._scratch.planned = substeps
+    run.scratch.planned = substeps
     before = _allocated()
     run.attempt(request)
-    run.solver._scratch.planned = 11
+    run.scratch.planned = 11
     return _allocated() - before
 
 
