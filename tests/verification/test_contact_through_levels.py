@@ -45,9 +45,7 @@ def test_at_rest_the_ground_carries_it_and_lifted_off_nothing_does() -> None:
     run = standing({"coarse": {"beyond": 0.0}}, handed)
     model, dt = run.solver.model, run.scene.step
     assert 0 < model.touches.sum() < len(model.touches)
-    np.testing.assert_allclose(
-        run.solver._committed.force.sum(axis=(0, 1)), handed.contact_force.sum(axis=0), atol=1e-15
-    )
+    np.testing.assert_allclose(run.committed.force.sum(axis=(0, 1)), handed.contact_force.sum(axis=0), atol=1e-15)
     replies = run.run(0.1)
     forces = -np.array([reply.wrench[0, :3] for reply in replies])
     assert forces[:, 2].mean() == pytest.approx(weight, rel=0.05)
@@ -57,7 +55,7 @@ def test_at_rest_the_ground_carries_it_and_lifted_off_nothing_does() -> None:
     run.velocity[0, 2] = -1.0
     run.run(0.02)
     falling = run.run(0.02)
-    assert not run.solver._committed.force.any()
+    assert not run.committed.force.any()
     for before, after in itertools.pairwise(falling):
         np.testing.assert_allclose(after.momentum - before.momentum, [0, 0, -weight * dt], atol=1e-9 * weight * dt)
 
@@ -172,7 +170,7 @@ def test_a_point_with_forces_of_two_tools_shares_out_what_it_has() -> None:
     run = standing(ALL, BodyState(body.x_rest.copy(), np.zeros_like(body.x_rest), force, tool), wall=wall)
     solver = run.solver
     share_out(solver.model, solver.parameters, solver._committed, run.request().tools, solver._scratch)
-    shared = run.solver._committed.force.sum(axis=0)
+    shared = run.committed.force.sum(axis=0)
     np.testing.assert_allclose(shared, [[0.0, 0.0, 1e-3 * below.sum()], [1e-3 * beside.sum(), 0.0, 0.0]], atol=1e-15)
 
 
@@ -182,13 +180,13 @@ def test_what_presses_inside_faces_is_told_at_nodes_and_handed_on_inside_faces()
     run = standing({"damping": {"mass": 60.0}}, ball=ball)
     run.run(0.1)
     model, handed = run.solver.model, run.handed()
-    force = run.solver._committed.force_mean
+    force = run.committed.force_mean
     assert model.n_surface < model.n_points
     assert not force[: model.n_surface, 1].any() and force[:, 1, 2].sum() < -0.01
     np.testing.assert_allclose(handed.contact_force.sum(axis=0), force.sum(axis=(0, 1)), atol=1e-14)
     assert (handed.contact_tool == 1).sum() >= 4
     again = standing({"damping": {"mass": 60.0}}, handed, ball=ball)
-    begun = again.solver._committed.force
+    begun = again.committed.force
     assert not begun[: model.n_surface, 1].any()
     np.testing.assert_allclose(begun.sum(axis=(0, 1)), handed.contact_force.sum(axis=0), atol=1e-14)
     assert again.run(0.05)[-1].wrench[1, 2] == pytest.approx(-force[:, 1, 2].sum(), rel=0.05)

@@ -31,7 +31,7 @@ def decay(integrator: IntegratorKind, drag: float, steps: int) -> float:
     run, dt, q = begun(scene, rest + mode, np.zeros_like(mode)), 2.0 * np.pi / frequencies[0] / steps, []
     for _ in range(steps + 4):
         run.step(dt=dt)
-        q.append(float((run.solver._parameters.mass[:, None] * mode * (run.x - rest)).sum()))
+        q.append(float((run.parameters.mass[:, None] * mode * (run.x - rest)).sum()))
     return oscillation(np.array(q[2:]), dt)[1]
 
 
@@ -55,14 +55,14 @@ def test_a_free_body_slows_down_and_falls_no_faster_than_g_over_a(integrator: In
         fem = scene.models.fem.model_copy(update={"integrator": integrator})
         run = FemRun(scene.model_copy(update={"models": scene.models.model_copy(update={"fem": fem})}))
         first = run.step(dt=dt)
-        speed = np.array(first.momentum) / run.solver._parameters.mass.sum()
+        speed = np.array(first.momentum) / run.parameters.mass.sum()
         if start:
             half = 0.5 * drag * dt
             slowed = 1.0 / (1.0 + 2.0 * half) if integrator == "implicit_euler" else (1.0 - half) / (1.0 + half)
             assert speed[0] == pytest.approx(slowed * start, rel=1e-9)
         else:
             last = run.run(1.0, dt=dt)[-1]
-            end = float(last.momentum[2]) / run.solver._parameters.mass.sum()
+            end = float(last.momentum[2]) / run.parameters.mass.sum()
             assert end == pytest.approx(gravity / drag, rel=1e-8)
 
 

@@ -84,7 +84,7 @@ def test_contact_patch_test(nodes: int) -> None:
     """Plates that have edges just past the cube's press it evenly: every point goes where a uniform strain takes it,
     to within what points yield."""
     run = distorted(3, nodes, edge=0.0502, friction=0.0, models={"fem": {"tolerance": 1e-9}})
-    assert run.solver._model.at_faces.all()
+    assert run.model.at_faces.all()
     speed = 0.0005
     run.run(0.2, {"low": (0.0, 0.0, speed), "high": (0.0, 0.0, -speed)})
     for _ in range(20):

@@ -96,11 +96,11 @@ def test_pbd_loses_what_implicit_euler_does() -> None:
     worst = done = lost = 0.0
     last: Advanced | None = None
     for _ in range(150):
-        committed = run.solver._committed
+        committed = run.committed
         x, v = committed.x.copy(), committed.v.copy()
         reply = run.step()
         assert reply.n_substeps == 1
-        state = run.solver._committed
+        state = run.committed
         if last is not None:
             jump = state.v - v
             loss = 0.5 * float((mass * jump * jump).sum()) + pbd_work(run.solver, state, state.x - x)

@@ -290,6 +290,7 @@ def test_a_step_that_is_taken_again_at_once_begins_where_it_began() -> None:
     assert again.energy["strain"] == pytest.approx(first.energy["strain"], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_cut_by_hand_after_a_step_that_failed_begins_with_what_was_committed() -> None:
     transport = Breaking()
     failed, whole = squeezed(transport, 2), squeezed(EmbeddedTransport(), 2)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fem_run import FemRun, block
 from numpy.typing import NDArray
-from test_fem_statics import _beam
+from test_fem_statics import clamped_beam
 
 from softseam_protocol.messages.participant import BodyState
 
@@ -27,7 +27,7 @@ def test_scene_a_peaks_where_independent_codes_do() -> None:
     extrapolated (first order) to within 2 %; the settled level is tested in the statics."""
     lowest = []
     for dt in (0.002, 0.001):
-        path = _tip_path(FemRun(_beam((0.2, 0.05, 0.05), 0.05, 0.4)), 0.2, 0.3, dt)
+        path = _tip_path(FemRun(clamped_beam((0.2, 0.05, 0.05), 0.05, 0.4)), 0.2, 0.3, dt)
         lowest.append(path.min())
         assert abs(dt * (path.argmin() + 1) - 0.24) < 0.01
         assert abs(path.min() / -0.1504 - 1.0) < 0.08
@@ -37,7 +37,8 @@ def test_scene_a_peaks_where_independent_codes_do() -> None:
 def test_implicit_euler_is_first_order() -> None:
     """Halving the step halves the error of a swinging beam: slope 1 +- 0.15."""
     ends = [
-        _tip_path(FemRun(_beam((0.1, 0.05, 0.05), 0.05, 0.3)), 0.1, 0.04, dt)[-1] for dt in (4e-3, 2e-3, 1e-3, 5e-4)
+        _tip_path(FemRun(clamped_beam((0.1, 0.05, 0.05), 0.05, 0.3)), 0.1, 0.04, dt)[-1]
+        for dt in (4e-3, 2e-3, 1e-3, 5e-4)
     ]
     jumps = np.abs(np.diff(ends))
     slopes = np.log2(jumps[:-1] / jumps[1:])
@@ -58,7 +59,7 @@ def test_a_spinning_body_keeps_its_momentum() -> None:
     run = FemRun(
         block(gravity=(0.0, 0.0, 0.0), step=0.002, body={"spin": (3.0, -2.0, 5.0), "velocity": (0.3, 0.1, -0.2)})
     )
-    mass = run.solver._parameters.mass[:, None]
+    mass = run.parameters.mass[:, None]
     momentum = (mass * run.body.v_initial).sum(axis=0)
     turning = (mass * np.cross(run.body.x_rest, run.body.v_initial)).sum(axis=0)
     for _ in range(200):
@@ -92,7 +93,7 @@ def test_the_seam_does_the_work_it_reports() -> None:
         reply = run.step(force=force)
         moved = run.x[run.region.seam] - old_x[run.region.seam]
         np.testing.assert_allclose(reply.coupling_work, (force * moved).sum(), rtol=1e-12)
-        jump = 0.5 * (run.solver._parameters.mass[:, None] * (run.solver.state.v - old_v) ** 2).sum()
+        jump = 0.5 * (run.parameters.mass[:, None] * (run.solver.state.v - old_v) ** 2).sum()
         gain = reply.kinetic + reply.strain - energy
         assert gain <= reply.coupling_work - jump + 1e-12
         energy += gain

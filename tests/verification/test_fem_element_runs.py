@@ -91,7 +91,7 @@ def test_cells_pass_to_full_quadrature_one_by_one_and_back() -> None:
     for _ in range(140):
         reply = run.step(CLOSE, dt=0.005)
         forces.append(float(reply.wrench[1, 0]))
-        shares.append(float(run.solver._stepper.work.full.mean()))
+        shares.append(float(run.work.full.mean()))
     steps = np.diff(forces[2:])
     assert shares[60] == 0.0
     assert shares[-1] > 0.97

@@ -46,8 +46,8 @@ def kicked(kind: IntegratorKind, radius: float | None = None) -> FemRun:
 def energies(run: FemRun, time: float, dt: float) -> NDArray[np.float64]:
     """Kinetic + strain energy after each step, over the initial one."""
     v = run.solver.state.v
-    kinetic = 0.5 * float((run.solver._parameters.mass[:, None] * v**2).sum())
-    start = kinetic + float(strain_energy(run.x, run.solver._model, run.solver._parameters, run.solver._stepper.work))
+    kinetic = 0.5 * float((run.parameters.mass[:, None] * v**2).sum())
+    start = kinetic + float(strain_energy(run.x, run.model, run.parameters, run.work))
     return np.array([r.kinetic + r.strain for r in run.run(time, dt=dt)]) / start
 
 
@@ -119,7 +119,7 @@ def test_symplectic_euler_divides_steps_beyond_its_limit() -> None:
     """A step of 10 ms, six times the longest stable one: energy stays bounded."""
     run = kicked("symplectic_euler")
     energy = energies(run, 2.0, 0.01)
-    assert 0.01 > 2.0 * run.solver._stepper.scheme.parameters[1] / SAFETY
+    assert 0.01 > 2.0 * run.stepper.scheme.parameters[1] / SAFETY
     assert 0.85 < energy.min() < energy.max() < 1.1
 
 

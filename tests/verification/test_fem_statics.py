@@ -18,7 +18,7 @@ from softseam_protocol.scene.scene import Scene
 TIP_02 = {0.3: -0.0345404, 0.495: -0.0337740}
 
 
-def _beam(
+def clamped_beam(
     size: tuple[float, float, float], cell: float | tuple[float, float, float], poisson: float, **keys: Any
 ) -> Scene:
     clamp = {"min": (-1e-6, -1.0, -1.0), "max": (1e-6, 1.0, 1.0)}
@@ -38,8 +38,8 @@ def _settled_tip(run: FemRun, length: float) -> float:
 @pytest.mark.parametrize("poisson", [0.3, 0.495])
 def test_cantilever_converges_to_the_reference(poisson: float) -> None:
     """Large deflection, also nearly incompressible: within 3 % on 5 x 1 x 1 cells, 1 % on 10 x 2 x 2, no locking."""
-    coarse = _settled_tip(FemRun(_beam((0.1, 0.02, 0.02), 0.02, poisson)), 0.1)
-    fine = _settled_tip(FemRun(_beam((0.1, 0.02, 0.02), 0.01, poisson)), 0.1)
+    coarse = _settled_tip(FemRun(clamped_beam((0.1, 0.02, 0.02), 0.02, poisson)), 0.1)
+    fine = _settled_tip(FemRun(clamped_beam((0.1, 0.02, 0.02), 0.01, poisson)), 0.1)
     expected = TIP_02[poisson]
     assert abs(coarse / expected - 1.0) < 0.03
     assert abs(fine / expected - 1.0) < 0.01
@@ -50,14 +50,14 @@ def test_cantilever_converges_to_the_reference(poisson: float) -> None:
 def test_scene_a_settles_where_independent_codes_do(cells: int, limit: float) -> None:
     """0.20 x 0.05 x 0.05 m, E 100 kPa, nu 0.40, rho 1000: tip -85.75 mm (CalculiX and felupe)."""
     cell = 0.2 / cells
-    tip = _settled_tip(FemRun(_beam((0.2, 0.05, 0.05), (cell, min(cell, 0.05), min(cell, 0.05)), 0.4)), 0.2)
+    tip = _settled_tip(FemRun(clamped_beam((0.2, 0.05, 0.05), (cell, min(cell, 0.05), min(cell, 0.05)), 0.4)), 0.2)
     assert abs(tip / -0.08575 - 1.0) < limit
 
 
 def test_linear_cantilever_agrees_with_beam_theory() -> None:
     """Small load, slender beam: w = rho g A L^4/(8 E I) + rho g L^2/(2 k G), k = 5/6; clamp: below 2 %."""
     length, width, young, g = 0.2, 0.02, 1e5, 0.01
-    run = FemRun(_beam((length, width, width), (0.02, 0.02, 0.02), 0.3, kind="linear", gravity=(0.0, 0.0, -g)))
+    run = FemRun(clamped_beam((length, width, width), (0.02, 0.02, 0.02), 0.3, kind="linear", gravity=(0.0, 0.0, -g)))
     shear = young / 2.6
     bending = 1000.0 * g * length**4 / (8.0 * young * width**2 / 12.0)
     expected = -(bending + 1000.0 * g * length**2 / (2.0 * 5.0 / 6.0 * shear))

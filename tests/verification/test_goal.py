@@ -179,6 +179,7 @@ def follow(scene: Scene) -> tuple[float, np.ndarray, list[str]]:
     return of.report.quantities["grip_force"], places, why
 
 
+@pytest.mark.slow
 def test_cells_that_the_goal_asks_for_are_half_of_those_that_stress_does(monkeypatch: pytest.MonkeyPatch) -> None:
     """The other end, squeezed twice as much, does nothing to the first grip: only the goal's rule knows.
 

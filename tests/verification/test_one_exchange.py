@@ -68,6 +68,7 @@ def run(name: str, *settings: str, frames: bool = False) -> list[StepReport]:
     return reports
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "most_loose", "most_tight"),
     [("cantilever", 1.05, 1.15), ("tofu_grasp", 1.3, 2.1), ("stiff_inclusion", 1.3, 1.9)],

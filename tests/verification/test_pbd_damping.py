@@ -132,7 +132,6 @@ def gain(replies: list[Advanced]) -> float:
     return float((energy[1:] / energy[:-1])[energy[1:] > 1e-5 * energy[0]].max()) - 1.0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("stiffness", [5e-4, 1e-3, 1e-2, 0.1])
 @pytest.mark.parametrize("kind", ["neo_hookean", "linear"])

@@ -113,7 +113,6 @@ def _kicked(body: tuple[Vector, float | Vector, float, bool], kind: str, sweeps:
     ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["neo_hookean", "linear"])
 @pytest.mark.parametrize("sweeps", [1, 2])
 @pytest.mark.parametrize("body", BODIES)

@@ -98,7 +98,7 @@ def test_pads_that_carry_press_as_pads_at_rest() -> None:
     """Seen from a frame that moves along, 2 mm a step, nothing moves; more points are tried for contact,
     in another order."""
     rest, carried = pads(0.01), pads(0.01)
-    carried.solver._committed.v[:] += (0.2, 0.12, 0.0)
+    carried.committed.v[:] += (0.2, 0.12, 0.0)
     rest.velocity[:, 2] = 0.01, -0.01
     carried.velocity[:] = (0.2, 0.12, 0.01), (0.2, 0.12, -0.01)
     for _ in range(20):
@@ -134,14 +134,14 @@ def test_what_tools_feel_is_what_the_body_feels() -> None:
         np.testing.assert_allclose(change, -reply.wrench[:, :3].sum(axis=0), atol=1e-9)
         np.testing.assert_allclose(run.fields().contact_force.sum(axis=0), -reply.wrench[:, :3].sum(axis=0), atol=1e-12)
         before = reply
-    assert reply.wrench[1, 2] > 0.5 and (run.solver._scratch.arrays.contacts.rows[:, EDGED] > 0).any()
+    assert reply.wrench[1, 2] > 0.5 and (run.scratch.arrays.contacts.rows[:, EDGED] > 0).any()
 
 
 def test_a_body_under_larger_plates_has_no_edges() -> None:
     run = pads(0.026)
     squeezed(run, 0.05)
     assert run.solver.model.n_points == run.solver.model.n_surface
-    assert not run.solver._scratch.arrays.contacts.rows[:, EDGED].any()
+    assert not run.scratch.arrays.contacts.rows[:, EDGED].any()
 
 
 def test_a_state_that_is_handed_over_goes_on() -> None:
@@ -190,7 +190,7 @@ def test_the_seam_is_probed_with_points_in_part() -> None:
     """Compliance against central differences of a step in which all stick; the pads' edges lie beyond the seam."""
     run = half(20.0)
     run.run(0.6)
-    assert (run.solver._scratch.arrays.contacts.rows[:, EDGED] > 0).any()
+    assert (run.scratch.arrays.contacts.rows[:, EDGED] > 0).any()
     compliance, difference = probed(run)
     off = np.linalg.norm(compliance - difference, axis=0)
     assert (off <= 0.01 * np.linalg.norm(difference, axis=0)).all()

@@ -164,12 +164,12 @@ def sag(reach: float, *, reset: bool) -> float:
     h = reach / PbdRun(scene).solver.parameters.frequency
     run = PbdRun(scene.model_copy(update={"step": h, "models": _one_substep(scene)}))
     for _ in range(round(1200 / reach)):
-        state = run.solver._committed
+        state = run.committed
         if reset:
             state.stress[:] = 0.0
         state.v[:] *= 1.0 - 0.06 * reach
         run.step()
-    assert np.abs(run.solver._committed.v).max() < 1e-6
+    assert np.abs(run.committed.v).max() < 1e-6
     return float((run.x - run.body.x_rest)[:, 0].max())
 
 

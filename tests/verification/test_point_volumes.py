@@ -148,7 +148,7 @@ def test_a_march_counts_it_in_every_substep() -> None:
     ends, added = [], 0.0
     for n_steps in (1, 4):
         run = FemRun(scene, state=state)
-        model, parameters, work = run.solver._model, run.solver._parameters, run.solver._stepper.work
+        model, parameters, work = run.model, run.parameters, run.work
         substep = longest_substep(model, parameters, work)
         run.run(4 * substep, dt=4 * substep / n_steps)
         ends.append(run.x)

@@ -97,7 +97,7 @@ def test_a_bar_tumbles_about_its_middle_axis() -> None:
     """It turns over, keeps its momentum, and its energy to .5 %, at 10 ms."""
     body = {"spin": (0.1, 12.0, 0.1), "position": (0.0, 0.0, 0.5)}
     run = FemRun(block((0.1, 0.05, 0.025), 0.025, 2e5, 0.4, 1e3, gravity=(0.0, 0.0, 0.0), step=0.01, body=body))
-    mass, rest = run.solver._parameters.mass, run.x.copy()
+    mass, rest = run.parameters.mass, run.x.copy()
     axis, replies, along = rest[:, 1] - rest[:, 1].mean(), [], []
     for _ in range(250):
         replies.append(run.step())

@@ -67,7 +67,7 @@ class Spin:
 def test_a_free_bar_keeps_its_spin_by_fem(rate: float, step: float) -> None:
     """Momentum to 1e-6 a second, and the angle to .2 % of that of its spin over its inertia, as stretched as it is."""
     run = FemRun(bar((0.0, 0.0, rate), step))
-    spin = Spin(run.solver._parameters.mass, run.x, run.solver.state.v)
+    spin = Spin(run.parameters.mass, run.x, run.solver.state.v)
     time, expected = 0.4 if step < 0.01 else 2.0, 0.0
     for _ in range(round(time / step)):
         before = spin.inertia(run.x)
@@ -84,7 +84,7 @@ def test_integrators_with_a_history_keep_a_spin(integrator: IntegratorKind, rate
     """They kept 95 % of it in two seconds; the rate of their angle is 1 % slow at 15 rad/s."""
     scene = by_integrator(bar((0.0, 0.0, rate), 0.01), integrator)
     run = FemRun(scene)
-    spin = Spin(run.solver._parameters.mass, run.x, run.solver.state.v)
+    spin = Spin(run.parameters.mass, run.x, run.solver.state.v)
     for _ in range(200):
         run.step()
         spin.see(run.x)
@@ -97,7 +97,7 @@ def test_a_bar_that_bounced_keeps_its_spin(integrator: IntegratorKind) -> None:
     """It lands on a corner; once in flight its spin goes on as its momentum does, which follows forces late."""
     scene = bar((0.0, 3.0, 0.0), 0.005, 0.012, 0.3, tools={"floor": {"kind": "plane"}})
     run = FemRun(by_integrator(scene, integrator))
-    spin = Spin(run.solver._parameters.mass, run.x, run.solver.state.v)
+    spin = Spin(run.parameters.mass, run.x, run.solver.state.v)
     flown, pushed, kept = 0, False, []
     for _ in range(120):
         reply = run.step()

@@ -41,7 +41,7 @@ def test_what_sticks_gives_way_to_no_load_that_is_held() -> None:
     """Far below the cone. A penalty alone would let every point go by what its tau changes by over r, 4.7 um here."""
     run, press = _pressed()
     points = _at_plates(run)
-    model, parameters = run.solver._model, run.solver._parameters
+    model, parameters = run.model, run.parameters
     before = point_positions(model, parameters, run.x)[points]
     run.run(0.2, force=_upwards(run, 0.2 * press))
     traction = run.solver.state.contact[points, 1:, 2].sum(axis=1)
@@ -53,7 +53,7 @@ def test_what_sticks_gives_way_to_no_load_that_is_held() -> None:
 def test_a_load_that_comes_and_goes_carries_nothing_away() -> None:
     """42 % of what friction can bear, so that points at the rim slip in the first cycles."""
     run, press = _pressed()
-    points, model, parameters = _at_plates(run), run.solver._model, run.solver._parameters
+    points, model, parameters = _at_plates(run), run.model, run.parameters
     middles = []
     for _ in range(50):
         for k in range(1, 17):
@@ -84,7 +84,7 @@ def test_tools_that_hold_the_same_nodes_do_not_work_against_each_other(friction:
         for name, x in (("left", -0.0305), ("right", 0.0305)):
             scene["tools"][name] |= {"size": (0.01, 0.08, 0.04), "position": (x, 0.0, 0.02)}
     run = FemRun(Scene.model_validate(scene))
-    assert bool(run.solver._model.at_faces.any()) == edged
+    assert bool(run.model.at_faces.any()) == edged
     run.run(0.1, CLOSE)
     before = run.run(0.3)[-1].wrench
     after = run.run(1.0)[-1].wrench
@@ -99,7 +99,7 @@ def test_a_cube_that_pads_turn_is_held_as_it_was() -> None:
     for name, x in (("left", -0.0305), ("right", 0.0305)):
         scene["tools"][name] |= {"size": (0.01, 0.03, 0.03), "position": (x, 0.0, 0.025)}
     run = FemRun(Scene.model_validate(scene))
-    assert run.solver._model.at_faces.all()
+    assert run.model.at_faces.all()
     run.run(0.1, CLOSE)
     run.run(0.3)
     sideways = run.solver.state.contact[:, :, 1:3]
@@ -121,10 +121,10 @@ def test_no_step_of_a_kicked_body_gains_energy(friction: float, step: float) -> 
     run.run(0.125, CLOSE, dt=0.005)
     rest = run.run(0.3, dt=0.005)[-1]
     run.solver.commit()
-    state = run.solver._committed
+    state = run.committed
     state.v[:] = 0.0
     state.v[:, 1] = 2.0 * state.x[:, 2]
-    kick = 0.5 * float(run.solver._parameters.mass @ (state.v**2).sum(axis=1))
+    kick = 0.5 * float(run.parameters.mass @ (state.v**2).sum(axis=1))
     energy = np.array([reply.kinetic + reply.strain + reply.gravity for reply in [rest, *run.run(60 * step)]])
     energy[0] += kick
     assert np.diff(energy).max() < 1e-6 * kick

@@ -156,6 +156,7 @@ def _tip(element: str, n: int, poisson: float) -> float:
     return float((run.x - rest)[np.argmin(np.linalg.norm(rest - [0.1, 0.0, 0.025], axis=1)), 2])
 
 
+@pytest.mark.slow
 def test_bending_beside_hexahedra_and_beam_theory() -> None:
     """Tips on 1 and 2 cubes of six through the thickness, beside hex27 on 4: tet10 converges with h^2 at least."""
     theory = -29.43 * 1000.0 * 0.05**2 * 0.2**4 / (8.0 * 100e3 * 0.05**4 / 12.0)

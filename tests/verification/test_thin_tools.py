@@ -151,6 +151,7 @@ def test_at_any_depth_coarse_cells_tell_what_fine_ones_do(model: str) -> None:
         assert 0.92 < coarse / fine < 1.1
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize(("cell", "half_range"), [(0.01, 0.05), (0.006, 0.02)])
 def test_a_rod_drawn_across_the_face_meets_no_steps(cell: float, half_range: float, model: str) -> None:
@@ -161,6 +162,7 @@ def test_a_rod_drawn_across_the_face_meets_no_steps(cell: float, half_range: flo
     assert np.abs(np.diff(forces)).max() < 1.2 * half_range * ROD
 
 
+@pytest.mark.slow
 @both
 def test_a_run_claims_what_its_rod_is_off(model: str) -> None:
     """At ten places and depths on default cells nine of ten claims hold, and they are no more than a fifth of the
@@ -195,6 +197,7 @@ def right_force(depth: float) -> float:
     return float(d**1.5 * (0.07328 + 0.000398 * d - 0.000268 * d**2))
 
 
+@pytest.mark.slow
 @both
 def test_tools_of_one_outline_press_alike(model: str) -> None:
     """A rod's end, a ball and a mesh of it, as deep."""

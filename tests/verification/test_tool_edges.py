@@ -156,7 +156,7 @@ def test_forces_at_nodes_and_inside_faces_have_the_same_sums() -> None:
     """Told as forces of nodes, and taken over from them, by another solver in the middle of a squeeze."""
     run = pads(3)
     press(run, [0.05], 5)
-    model, parameters, n_surface = run.solver._model, run.solver._parameters, len(run.region.points)
+    model, parameters, n_surface = run.model, run.parameters, len(run.region.points)
     inside = run.solver.state.contact
     told = np.empty((n_surface, inside.shape[1], 3))
     gather_forces(inside, model, parameters, surface_point_of_node(model, n_surface), told)

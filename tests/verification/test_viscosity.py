@@ -57,8 +57,8 @@ def clamped(time: float, integrator: IntegratorKind = "implicit_euler") -> Scene
 def modes() -> tuple[Floats, Floats]:
     """Frequencies [rad/s], ascending, and modes (k, n, 3) of the clamped cube of one cell, by differences of forces."""
     run = FemRun(clamped(0.0))
-    model, parameters = run.solver._model, run.solver._parameters
-    work, h = run.solver._stepper.work, 1e-7
+    model, parameters = run.model, run.parameters
+    work, h = run.work, 1e-7
     free = np.flatnonzero(model.order >= 0)
     places = (3 * model.order[free][:, None] + np.arange(3)).ravel()
     K = np.zeros((len(places), len(places)))
@@ -87,7 +87,7 @@ def ratio(integrator: IntegratorKind, time: float, which: int, steps: int) -> fl
     run, dt, q = begun(scene, rest + mode, np.zeros_like(mode)), 2.0 * np.pi / frequencies[which] / steps, []
     for _ in range(steps + 4):
         run.step(dt=dt)
-        q.append(float((run.solver._parameters.mass[:, None] * mode * (run.x - rest)).sum()))
+        q.append(float((run.parameters.mass[:, None] * mode * (run.x - rest)).sum()))
     swing, decay = oscillation(np.array(q[2:]), dt)
     return decay / float(np.hypot(swing, decay))
 
