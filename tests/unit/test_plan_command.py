@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -53,17 +54,16 @@ def test_the_choice_is_shown_however_many_faster_ones_are_not_accurate() -> None
     assert lines[mark + 4].split() == ["…", "5", "more"] and len(lines) < 20
 
 
-@pytest.mark.parametrize("n_faster", range(31))
-@pytest.mark.parametrize("n_slower", [0, 2, 8])
-def test_every_one_is_shown_or_counted(n_faster: int, n_slower: int) -> None:
-    found = plan(*FASTER[:n_faster], *SLOWER[:n_slower])
-    rows = listed(found)
-    assert CHOICE in rows and len([row for row in rows if isinstance(row, Tried)]) <= command.SHOWN
-    assert sum(row if isinstance(row, int) else 1 for row in rows) == len(found.tried) and 0 not in rows
-    fastest = [row for row in rows if isinstance(row, Tried)]
-    assert fastest == sorted(fastest, key=lambda one: -one.rtf)
-    if len(found.tried) <= command.SHOWN:
-        assert fastest == rows
+def test_every_one_is_shown_or_counted() -> None:
+    for numbers in product(range(31), (0, 2, 8)):
+        found = plan(*FASTER[: numbers[0]], *SLOWER[: numbers[1]])
+        rows = listed(found)
+        fastest = [row for row in rows if isinstance(row, Tried)]
+        assert CHOICE in rows and len(fastest) <= command.SHOWN, numbers
+        assert sum(row if isinstance(row, int) else 1 for row in rows) == len(found.tried) and 0 not in rows, numbers
+        assert fastest == sorted(fastest, key=lambda one: -one.rtf), numbers
+        if len(found.tried) <= command.SHOWN:
+            assert fastest == rows, numbers
 
 
 def test_what_was_not_run_is_not_counted_as_run_and_what_lacked_time_is_told() -> None:
@@ -85,6 +85,7 @@ def test_a_choice_that_is_not_sure_says_so() -> None:
     assert "nothing that was tried surely is" in "\n".join(shown(plan(*FASTER, choice=unsure)))
 
 
+@pytest.mark.kernels
 @pytest.mark.usefixtures("cache")
 def test_a_plan_that_is_there_will_do_where_nobody_says_how_long_to_search(monkeypatch: pytest.MonkeyPatch) -> None:
     """What `softseam plan --minutes 0.5` stored, `softseam.open` and `softseam run` take, though it lacked time."""
@@ -96,6 +97,7 @@ def test_a_plan_that_is_there_will_do_where_nobody_says_how_long_to_search(monke
     assert len(searches.goals) == 2
 
 
+@pytest.mark.kernels
 @pytest.mark.usefixtures("cache")
 def test_a_program_is_told_once_that_it_waits_for_a_plan(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
@@ -133,6 +135,7 @@ def planned(wishes: Wishes) -> Plan:
     return find(wishes, Console(quiet=True))
 
 
+@pytest.mark.kernels
 @pytest.mark.usefixtures("cache")
 @pytest.mark.parametrize(("found", "again"), [(plan(LATE), True), (plan(FAILED), False)])
 def test_a_plan_that_lacked_time_is_searched_again_where_there_is_more(
@@ -147,6 +150,7 @@ def test_a_plan_that_lacked_time_is_searched_again_where_there_is_more(
     assert kept.minutes == (60.0 if again else 5.0)
 
 
+@pytest.mark.kernels
 @pytest.mark.usefixtures("cache")
 @pytest.mark.parametrize(
     ("asked", "rtf"),
@@ -162,6 +166,7 @@ def test_the_scenes_budget_holds_unless_a_speed_is_asked_for(
     assert [goal.rtf for goal in searches.goals] == [rtf]
 
 
+@pytest.mark.kernels
 def test_a_plan_that_cannot_be_kept_is_found_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "taken").write_text("a file")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "taken"))
