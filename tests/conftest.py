@@ -1,23 +1,29 @@
-"""The order of the tests, and what a machine without Docker or a display driver leaves out.
+"""Which tests are fast, in which order files come, and what a machine leaves out that lacks Docker or a learner.
 
-Fast tests come first, then the slow ones, then those that need a Docker engine or draw. On a developer's machine
-that lacks a Docker engine, or Vulkan and Chromium, such tests are left out and the last lines say so. With CI=true
-nothing is left out, and a test that skips itself has failed.
+Files with the most to do come first, so that no worker is left with one in the end. On a developer's machine a test
+that cannot run is skipped, and the last lines count what was left out, with how to have it. With CI=true nothing is
+left out, and a test that skips itself has failed.
 """
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import subprocess
+from collections import Counter
 from collections.abc import Generator
 from pathlib import Path
 
 import pytest
+from tiers import ENTERED, Marks, is_fast, may_be_fast, refuse, watched
 
 IN_CI = os.environ.get("CI", "").lower() in {"1", "true"}
-ORDER = ("slow", "viewer", "docker")
-_left_out: dict[str, int] = {}
+LONG = {"docker": 10, "viewer": 3, "slow": 2}
+"""how much longer than other tests those with a mark take, roughly"""
+LEFT_OUT = os.environ.get("LEFT_OUT", "")
+"""a file to which each run of several adds what it left out, for whoever started them all"""
+_marks = Marks()
 
 
 def _docker() -> str | None:
@@ -40,24 +46,53 @@ def _viewer() -> str | None:
     return None
 
 
-def _cost(item: pytest.Item) -> int:
-    cost = max((ORDER.index(mark.name) + 1 for mark in item.iter_markers() if mark.name in ORDER), default=0)
-    # a file's services are started once: its fast tests come with its slow ones
-    return max(cost, 1) if "services" in getattr(item, "fixturenames", ()) else cost
+def _length(item: pytest.Item) -> int:
+    return sum(LONG.get(mark.name, 0) for mark in item.iter_markers())
 
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Sort the tests by their cost, and leave out what this machine cannot run unless in CI."""
-    items.sort(key=_cost)
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--strict-kernels", action="store_true", help="fail where no test marked `kernels` enters one")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """No search for garbage while modules are loaded, and none among them later, where there never is any."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what is fast, sort files by what they take, and skip what this machine cannot run unless in CI."""
+    for item in items:
+        if is_fast(item):
+            item.add_marker("fast")
+    lengths = Counter[Path]()
+    for item in items:
+        lengths[item.path] += _length(item)
+    items.sort(key=lambda item: -lengths[item.path])
     if IN_CI:
         return
     for mark, obstacle in (("docker", _docker), ("viewer", _viewer)):
         marked = [item for item in items if item.get_closest_marker(mark)]
         why = obstacle() if marked else None
         if why is not None:
-            config.hook.pytest_deselected(items=marked)
-            items[:] = [item for item in items if item not in marked]
-            _left_out[f"{mark} tests: {why}"] = len(marked)
+            for item in marked:
+                item.add_marker(pytest.mark.skip(reason=why))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """A fast test enters no kernel; of one that is marked to enter some, note whether it does."""
+    if not may_be_fast(item):
+        return (yield)
+    entered = item.stash[ENTERED] = []
+    with watched(refuse if is_fast(item) else entered.append):
+        return (yield)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -66,13 +101,33 @@ def pytest_runtest_makereport(
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """In CI a skipped test is a failed one."""
     report = yield
+    if report.when == "teardown" and may_be_fast(item) and not is_fast(item):
+        report.user_properties.append(("kernels", bool(item.stash[ENTERED])))
     if IN_CI and report.skipped and not hasattr(report, "wasxfail"):
         report.outcome = "failed"
         report.longrepr = f"{item.nodeid} was skipped, which CI does not allow: {report.longrepr}"
     return report
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say what was left out."""
-    for why, count in _left_out.items():
-        terminalreporter.write_line(f"LEFT OUT {count} {why}")
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    _marks.see(report)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Marks that are in vain fail a run that asks for it."""
+    if session.config.getoption("strict_kernels") and _marks.vain:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say which marks are to go, and what was left out."""
+    if config.getoption("strict_kernels"):
+        for file in _marks.vain:
+            terminalreporter.write_line(f"FAILED {file}: its tests enter no kernel: remove the marks `kernels`")
+    skipped = [report.longrepr[2].removeprefix("Skipped: ") for report in terminalreporter.stats.get("skipped", ())]
+    lines = [f"{count} tests: {why}" for why, count in Counter(skipped).items()]
+    for line in lines:
+        terminalreporter.write_line(f"LEFT OUT {line}")
+    if LEFT_OUT and lines:
+        with Path(LEFT_OUT).open("a") as file:
+            file.writelines(f"{line}\n" for line in lines)

@@ -16,6 +16,8 @@ from analysis.loops.fixed_point import FixedPoint
 from softseam_coupling.loops.coupled_part import CoupledPart
 from softseam_protocol.messages.session import StepReport
 
+pytestmark = pytest.mark.kernels
+
 Floats = NDArray[np.float64]
 
 

@@ -10,6 +10,8 @@ from analysis.lattice import compliance, couple, fixed_point, grid_bar
 from analysis.linear_study.position_constant import PositionConstant
 from analysis.linear_study.split import run
 
+pytestmark = pytest.mark.kernels
+
 
 def test_exact_compliance_equals_the_direct_scheme() -> None:
     split, start = grid_bar(6, 2, 1.0, 10, 0.05)

@@ -10,6 +10,8 @@ from analysis.rows import ACCELERATED, ROWS
 from softseam_coupling.loops import LOOPS
 from softseam_coupling.loops.loop import largest
 
+pytestmark = pytest.mark.kernels
+
 
 def row(scheme: str, weights: np.ndarray) -> Chain:
     """Three parts in a row; the middle one has nodes of both interfaces, which yield together."""

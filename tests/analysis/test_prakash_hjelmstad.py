@@ -21,6 +21,8 @@ from softseam_protocol.scene.kinds import INTEGRATORS, IntegratorKind, SeamSchem
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
+pytestmark = pytest.mark.kernels
+
 Floats = NDArray[np.float64]
 
 

@@ -33,6 +33,7 @@ def _counts(split: Split, now: SplitState, rough: bool) -> list[int]:
     return counts
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("step", [SHORT, LONG])
 def test_no_ratio_of_mass_or_stiffness_matters(step: float) -> None:
     """Exact compliance: two exchanges at most, for all 25 pairs. Rough: 7 at most, 4.2 in the mean of the worst."""

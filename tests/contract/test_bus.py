@@ -176,6 +176,7 @@ server.run()
 """
 
 
+@pytest.mark.kernels
 def test_a_server_killed_in_a_request_is_an_error_at_once(bus: Bus, endpoint: str) -> None:
     with subprocess.Popen([sys.executable, "-c", _SERVER, endpoint], stdout=subprocess.PIPE, text=True) as process:
         try:
@@ -285,6 +286,7 @@ def test_a_full_server_says_busy(bus: Bus, other: Bus) -> None:
     assert set(outcomes) == {b"x", b"busy"}
 
 
+@pytest.mark.kernels
 def test_a_forked_bus_refuses_to_work(endpoint: str) -> None:
     program = (
         "import os, sys\n"
@@ -306,6 +308,7 @@ def test_a_forked_bus_refuses_to_work(endpoint: str) -> None:
     assert issubclass(ForkedBus, BusError) and os.getpid() > 0
 
 
+@pytest.mark.kernels
 def test_forgetting_to_close_does_not_hang_the_interpreter(endpoint: str) -> None:
     program = (
         "import sys\n"

@@ -103,6 +103,7 @@ def test_every_failure_has_its_error(endpoint: str) -> None:
         release.set()
 
 
+@pytest.mark.kernels
 def test_a_server_that_dies_and_comes_back(endpoint: str) -> None:
     """A kill in the middle of a request is an error at once; the next server is asked by the same asker."""
     key = KEYS.echo("victim")
@@ -128,6 +129,7 @@ def test_a_server_that_dies_and_comes_back(endpoint: str) -> None:
                     process.kill()
 
 
+@pytest.mark.kernels
 def test_a_request_at_the_moment_of_a_kill_ends_at_once(endpoint: str) -> None:
     """Before, in, or after the millisecond in which the router learns of it: an error, and no wait for the timeout."""
     key = KEYS.echo("struck")
@@ -151,6 +153,7 @@ def test_a_request_at_the_moment_of_a_kill_ends_at_once(endpoint: str) -> None:
                     process.kill()
 
 
+@pytest.mark.kernels
 def test_a_server_that_is_frozen_in_a_request_is_given_up_after_the_lease(endpoint: str) -> None:
     key = KEYS.echo("frozen")
     with (

@@ -124,6 +124,7 @@ def test_an_embedded_descriptor_is_enough_to_read_a_payload(cls: type) -> None:
         assert same(decode(moved[first:] + moved[:first], Advanced), message)
 
 
+@pytest.mark.kernels
 def test_equal_messages_have_equal_bytes_in_every_process() -> None:
     """A repeated request is recognised by its bytes; protobuf orders maps differently in each process."""
     program = (

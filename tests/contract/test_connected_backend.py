@@ -24,6 +24,8 @@ from softseam_protocol.messages.session import Close, Observation, StepReport
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
 
+pytestmark = pytest.mark.kernels
+
 KEYS = Keys()
 
 

@@ -19,6 +19,7 @@ EXPECTED = {
 }
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("number", "program"), PROGRAMS, ids=[f"9.{number}" for number, _ in PROGRAMS])
 def test_a_program_prints_its_answer(number: str, program: str, capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(program, f"exercise 9.{number}", "exec"), {"__name__": "exercises_page"})

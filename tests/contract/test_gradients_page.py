@@ -20,6 +20,7 @@ def _run(number: int) -> dict[str, object]:
     return names
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 def test_the_session_s_program_runs(capsys: pytest.CaptureFixture[str]) -> None:
     _run(0)

@@ -20,6 +20,7 @@ ENVIRONMENTS = (DOCS / "guide" / "environments.md").read_text(encoding="utf-8")
 PROGRAMS = re.findall(r"```python\n(.*?)```", TRAINING + PAGE + ENVIRONMENTS, re.DOTALL)
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(11))
 def test_a_program_runs(

@@ -25,6 +25,7 @@ def python(code: str, *flags: str) -> str:
     return done.stdout
 
 
+@pytest.mark.kernels
 def test_import_loads_nothing_heavy() -> None:
     """`import softseam`, and even the names behind `softseam.open`, load neither solvers nor viewers nor the bus
     nor studies."""
@@ -34,6 +35,7 @@ def test_import_loads_nothing_heavy() -> None:
         assert not [name for name in loaded if name.startswith(OTHERS)]
 
 
+@pytest.mark.kernels
 def test_import_is_quick() -> None:
     """Less than 0.3 s in a fresh interpreter, the best of three: other work on the machine only adds time."""
     code = """
@@ -45,6 +47,7 @@ def test_import_is_quick() -> None:
     assert min(float(python(code)) for _ in range(3)) < 0.3
 
 
+@pytest.mark.kernels
 def test_public_names_exist() -> None:
     """Every name of `__all__` is there, and a name that is not says so."""
     python("""
@@ -61,6 +64,7 @@ def test_public_names_exist() -> None:
     """)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     "arguments", [["run", "tofu_grasp"], ["check", "tofu_grasp"], ["up"], ["serve", "fem"], ["demo"]]
 )

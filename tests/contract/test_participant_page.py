@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from softseam.conform.command import FAILED, NOT_CLAIMED, run_checks, wait_answers
 from softseam.conform.examined_part import Service
 from softseam_protocol.bus.client import Bus, Router
@@ -17,6 +19,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/guide/write-a-participant.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.kernels
 def test_the_program_of_the_page_serves_and_fails_what_the_page_says(tmp_path: Path) -> None:
     (program,) = re.findall(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
     (tmp_path / "springs.py").write_text(program)

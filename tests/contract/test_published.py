@@ -76,6 +76,7 @@ def test_the_json_schema_describes_phases_by_kind() -> None:
     assert {"ClosePhase", "MovePhase", "HoldPhase", "BodySpec"} <= schema["$defs"].keys()
 
 
+@pytest.mark.kernels
 def test_importing_the_protocol_is_light() -> None:
     program = (
         "import sys, softseam_protocol; print([m for m in ('zenoh','numpy','pydantic','google') if m in sys.modules])"

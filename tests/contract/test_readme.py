@@ -28,6 +28,7 @@ def test_scene_is_valid() -> None:
     assert scene.regions.near is not None
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 def test_program_runs(capsys: pytest.CaptureFixture[str]) -> None:
     """The program as printed: a tool driven by hand still ends when the scene's motion would."""

@@ -15,6 +15,8 @@ from pbd_run import PbdRun, block_scene
 from softseam_protocol.messages.participant import Advance, ToolMotion
 from softseam_protocol.participant.solver import Solver
 
+pytestmark = pytest.mark.kernels
+
 GROUND = {"ground": {"kind": "plane", "friction": 0.5}}
 SHEET = {
     "kind": "sheet",

@@ -26,6 +26,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.kernels
 @pytest.mark.usefixtures("folder")
 def test_the_program_reads_a_recording(capsys: pytest.CaptureFixture[str]) -> None:
     found = re.search(r"```python\n(.*?)```", PAGE, re.DOTALL)
@@ -42,5 +43,6 @@ def test_every_outcome_is_explained_and_no_other() -> None:
     assert set(re.findall(r"^\| `(.*?)` \|", rows, re.MULTILINE)) == set(re.findall(r"'(.*?)'", Verdict.__doc__ or ""))
 
 
+@pytest.mark.kernels
 def test_every_picture_is_explained(folder: Path) -> None:
     assert all(f"- `{path.name}`: " in PAGE for path in draw_pictures(folder / "run.mcap", folder))

@@ -30,6 +30,7 @@ LINKED = (
 """pages that explain the keys of one part"""
 
 
+@pytest.mark.kernels
 def test_the_example_is_checked_without_complaint(tmp_path: Path) -> None:
     found = re.search(r"```yaml\n(.*?)```", FIRST, re.DOTALL)
     assert found

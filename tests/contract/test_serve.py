@@ -122,6 +122,7 @@ def test_it_is_found_while_it_serves_and_not_before_or_after(endpoint: str, bus:
         bus.request(KEY, encode(Observe(header())), 2.0)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_it_stops_when_it_is_told_to(endpoint: str, bus: Bus, number: signal.Signals) -> None:
     changes = bus.watch_live(LIVE)
@@ -134,6 +135,7 @@ def test_it_stops_when_it_is_told_to(endpoint: str, bus: Bus, number: signal.Sig
     wait(changes, False)
 
 
+@pytest.mark.kernels
 def test_the_answer_at_hand_is_given_before_it_stops(endpoint: str, bus: Bus) -> None:
     changes = bus.watch_live(LIVE)
     with process(endpoint, "dawdles") as one:
@@ -146,6 +148,7 @@ def test_the_answer_at_hand_is_given_before_it_stops(endpoint: str, bus: Bus) ->
         assert one.wait(10.0) == 0
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 def test_a_solver_that_hangs_does_not_keep_it_from_stopping(endpoint: str, bus: Bus) -> None:
     changes = bus.watch_live(LIVE)
@@ -160,6 +163,7 @@ def test_a_solver_that_hangs_does_not_keep_it_from_stopping(endpoint: str, bus: 
             pending.collect()
 
 
+@pytest.mark.kernels
 def test_a_solver_that_leaves_takes_its_process_along(endpoint: str, bus: Bus) -> None:
     """It does not stay there deaf."""
     changes = bus.watch_live(LIVE)
@@ -173,6 +177,7 @@ def test_a_solver_that_leaves_takes_its_process_along(endpoint: str, bus: Bus) -
     wait(changes, False)
 
 
+@pytest.mark.kernels
 def test_one_that_is_killed_while_it_answers_is_replaced_and_goes_on_to_the_bit(endpoint: str, bus: Bus) -> None:
     changes = bus.watch_live(LIVE)
     with process(endpoint) as whole:
@@ -245,6 +250,7 @@ def test_a_request_whose_asker_is_gone_counts_and_its_repeat_gets_the_answer(end
     assert encode(again) == encode(twice) and len(calls) == 1
 
 
+@pytest.mark.kernels
 def test_without_a_router_it_says_what_to_start() -> None:
     where = free_endpoint()
     with pytest.raises(NoRouter, match="start one with"), serving(Springs, "springs", connect=where, wait=0.2):

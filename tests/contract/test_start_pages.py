@@ -29,6 +29,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.slow
+@pytest.mark.kernels
 def test_programs_measure_forces(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The first draws a curve and prints the largest force; the second grips until 5 N are felt."""
     matplotlib.use("Agg")
@@ -43,6 +44,7 @@ def test_programs_measure_forces(folder: Path, capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.slow
+@pytest.mark.kernels
 def test_the_mesh_is_gripped(folder: Path) -> None:
     """The scene as printed, with the mesh that the page names: it is checked without complaint, gripped and lifted."""
     shutil.copy(ROOT / "scenes" / "dumpling.obj", folder / "mine.obj")

@@ -65,6 +65,7 @@ def tables(tmp_path: Path, runs: list[str]) -> Tables:
     return ask
 
 
+@pytest.mark.kernels
 def test_one_map_leaves_the_others_in_the_tables(tables: Tables, runs: list[str], tmp_path: Path) -> None:
     whole = tables()
     assert runs == ["step", "step", "squeeze", "squeeze", "pitfalls"]
@@ -74,6 +75,7 @@ def test_one_map_leaves_the_others_in_the_tables(tables: Tables, runs: list[str]
     assert [row["map"] for row in whole[1]] == ["step", "step", "squeeze", "squeeze"]
 
 
+@pytest.mark.kernels
 def test_what_was_not_computed_is_marked(tables: Tables, runs: list[str]) -> None:
     document, rows = tables("pitfalls")
     assert runs == ["pitfalls"] and len(document["pitfalls"]) == 1
@@ -84,6 +86,7 @@ def test_what_was_not_computed_is_marked(tables: Tables, runs: list[str]) -> Non
     assert len(document["pitfalls"]) == 1, "kept from before"
 
 
+@pytest.mark.kernels
 def test_maps_of_other_code_are_not_mixed_in(tables: Tables, monkeypatch: pytest.MonkeyPatch) -> None:
     tables()
     monkeypatch.setattr(registry, "solver_digest", lambda: "other code")
@@ -92,6 +95,7 @@ def test_maps_of_other_code_are_not_mixed_in(tables: Tables, monkeypatch: pytest
     assert document["pitfalls"] == []
 
 
+@pytest.mark.kernels
 def test_only_what_is_asked_for_is_run_anew(tables: Tables, runs: list[str], tmp_path: Path) -> None:
     tables()
     held = tmp_path / "runs" / "long-fem-100000.json"
@@ -104,6 +108,7 @@ def test_only_what_is_asked_for_is_run_anew(tables: Tables, runs: list[str], tmp
     assert len(runs) == 5 and held.exists(), "the long run is no map"
 
 
+@pytest.mark.kernels
 def test_a_fresh_long_run_keeps_the_maps(
     tables: Tables, runs: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -123,6 +128,7 @@ def test_maps_beside_the_long_run_are_refused(runs: list[str], tmp_path: Path) -
     assert runs == []
 
 
+@pytest.mark.kernels
 def test_a_kept_run_of_another_atlas_is_called_so(tables: Tables, monkeypatch: pytest.MonkeyPatch) -> None:
     tables()
     monkeypatch.setattr(registry, "_own_digest", lambda: "other sources")
@@ -138,6 +144,7 @@ def marks() -> set[str]:
     return {re.sub(r"^\d[\d.]*\d|^[1-9]", "0.3", inside(verdict)) for verdict in verdicts}
 
 
+@pytest.mark.kernels
 def test_page_and_legend_explain_every_mark(tmp_path: Path) -> None:
     assert marks() == set(MARKS)
     page = template.page(Found((registry.Filled(quick("step", []), {}),), ()), tmp_path / "long.json")

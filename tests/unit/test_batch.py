@@ -17,6 +17,8 @@ from softseam_services.pbd.batch import layout as rows
 from softseam_services.pbd.batch.batch import Batch
 from softseam_services.pbd.batch.pieces import Pieces
 
+pytestmark = pytest.mark.kernels
+
 
 def _run(batch: Batch, steps: range) -> list[bytes]:
     """What comes out of each piece, as bits."""

@@ -15,6 +15,8 @@ from softseam.gym import BatchEnv, Randomise, TofuLift, randomise
 from softseam.gym.reward import Grip, Lift, StressConcentration, Term, Touch, Way
 from softseam.gym.sight import SEEN
 
+pytestmark = pytest.mark.kernels
+
 FULL: tuple[Term[Grip], ...] = (Lift(), Way(), Touch(), StressConcentration(0.5))
 
 

@@ -40,6 +40,7 @@ def edges(tool: dict[str, Any], **shape: Any) -> list[float]:
     return sorted({round(float(edge), 12) for edge in body.edges})
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("tool", "found"),
     [
@@ -73,6 +74,7 @@ def test_there_are_never_thousands(size: tuple[float, ...], half_width: float, n
     assert tuple(max(1, round(extent / edge)) for extent in size) == n_cells
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("curved", [False, True])
 def test_a_sibling_knows_them(curved: bool) -> None:
     """Of cells that follow a ball it counts so many of one size."""

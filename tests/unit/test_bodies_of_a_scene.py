@@ -94,6 +94,7 @@ def test_a_body_that_cannot_have_its_model_is_named() -> None:
         parse_scene(TEXT.replace("    kind: sheet\n", "    kind: sheet\n    regions: {default: fem}\n"))
 
 
+@pytest.mark.kernels
 def test_a_probe_in_none_of_the_bodies_is_refused() -> None:
     scene = Scene.model_validate({**several().model_dump(), "probes": {"lost": (1.0, 0.0, 0.0)}})
     with pytest.raises(MeshError, match=r"probes\.lost: .* in none of the bodies jelly, nori, tofu"):
@@ -105,6 +106,7 @@ class Lift(SceneEnv):
         return after.quantities["tofu.lift_height"]
 
 
+@pytest.mark.kernels
 def test_an_environment_sees_all_bodies() -> None:
     env = Lift(several(), settings=["duration=0.3"])
     env.reset(seed=0)

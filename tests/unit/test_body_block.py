@@ -119,6 +119,7 @@ def test_clamps_and_initial_velocities() -> None:
     np.testing.assert_allclose(body.v_initial[free], expected, atol=1e-14)
 
 
+@pytest.mark.kernels
 def test_region_masses_sum_to_the_body_and_seams_are_shared() -> None:
     body = block(cell=0.01, fixed=[{"min": [-1, -1, 0.3], "max": [1, 1, 0.3]}])
     near = np.flatnonzero(body.x_rest[body.cell_nodes[:, 13], 0] < 0.1).astype(np.int32)
@@ -166,6 +167,7 @@ def test_regions_refuse_foreign_cells_and_seam_nodes() -> None:
         build_region(body, np.array([0], dtype=np.int32), np.array([body.n_nodes - 1], dtype=np.int32))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("kind", ["hex27", "hex8", "tet4", "tet10"])
 def test_points_of_a_block_are_single_nodes(kind: Functions) -> None:
     body = block(cell=0.02)
@@ -179,6 +181,7 @@ def test_points_of_a_block_are_single_nodes(kind: Functions) -> None:
 local = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
 
 
+@pytest.mark.kernels
 @settings(deadline=None, max_examples=60)
 @given(local)
 def test_shape_functions_reproduce_polynomials(at: tuple[float, float, float]) -> None:
@@ -197,6 +200,7 @@ def test_shape_functions_reproduce_polynomials(at: tuple[float, float, float]) -
     assert value @ field == pytest.approx((t**2).prod(), abs=1e-13)
 
 
+@pytest.mark.kernels
 def test_hex27_gradients_meet_finite_differences() -> None:
     t, h = np.array([0.3, -0.6, 0.8]), 1e-6
     value, gradient = np.empty(27), np.empty((27, 3))

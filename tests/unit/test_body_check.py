@@ -11,6 +11,8 @@ from softseam_services.body.check import check_body
 from softseam_services.checks import doubts
 from softseam_services.server import Setup, build_setup
 
+pytestmark = pytest.mark.kernels
+
 
 def setup(cell: object = 0.025, **material: float) -> Setup:
     body = {

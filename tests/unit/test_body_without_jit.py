@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.kernels
+
 HERE = Path(__file__).parent
 FILES = [
     HERE / "test_materials.py",

@@ -26,6 +26,8 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.server import build_setup, build_solver
 
+pytestmark = pytest.mark.kernels
+
 SCENES = Path(__file__).parents[2] / "scenes"
 BEFORE = ["motion.0.hold=0.02"]
 """so that the plates of tofu_grasp are near after 34 steps and touch it after 60"""

@@ -189,6 +189,7 @@ def test_a_file_of_another_kind_is_refused_by_name(made: Reference, change: dict
         taken()
 
 
+@pytest.mark.kernels
 def test_a_chart_with_what_ships_runs_no_reference(
     made: Reference, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -212,6 +213,7 @@ def test_a_chart_with_what_ships_runs_no_reference(
     assert "the reference ships with the scene, made from 6 runs, known to" in console.export_text()
 
 
+@pytest.mark.kernels
 def test_a_plan_for_one_quantity_keeps_runs_of_all(
     made: Reference, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -250,6 +252,7 @@ def test_a_reference_belongs_to_what_moves(settings: tuple[str, ...], same: bool
     assert (levels.key == levels_of("tofu_grasp").key) == same
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", ["dumpling", "sausage"])
 def test_a_reference_does_not_go_by_how_places_were_rounded(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -272,6 +275,7 @@ def test_the_whole_suite_has_references() -> None:
     assert {path.stem for path in FILES} == {*SCENES}
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_what_ships_belongs_to_its_scene_as_it_is(path: Path) -> None:
     found, levels = bundled.read(path), levels_of(path.stem)
@@ -280,6 +284,7 @@ def test_what_ships_belongs_to_its_scene_as_it_is(path: Path) -> None:
     assert path.stat().st_size < 100e3
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_what_ships_is_still_true(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -96,6 +96,7 @@ def shown() -> Iterator[dict[str, NDArray[Any]]]:
     env.close()
 
 
+@pytest.mark.kernels
 def test_depth_is_that_of_plane_box_ball_and_block(shown: dict[str, NDArray[Any]]) -> None:
     """To 1e-4 m where a pixel's middle shows the same. A ball of 48 flat sides is off by up to twice .0021 of its
     radius, over the cosine along a ray that grazes it: its outer fifth is left out."""
@@ -112,6 +113,7 @@ def test_depth_is_that_of_plane_box_ball_and_block(shown: dict[str, NDArray[Any]
     assert shown["depth"].dtype == np.float32 and shown["mask"].dtype == np.uint8
 
 
+@pytest.mark.kernels
 def test_a_mask_is_as_large_as_the_block_is_projected(shown: dict[str, NDArray[Any]]) -> None:
     """The block's outline is a hexagon of its corners; the ball and the box do not hide it."""
     forward = np.subtract(TARGET, EYE) / np.linalg.norm(np.subtract(TARGET, EYE))
@@ -130,6 +132,7 @@ def test_a_mask_is_as_large_as_the_block_is_projected(shown: dict[str, NDArray[A
     assert (shown["mask"] == 1).sum() == pytest.approx(area, abs=np.sqrt(4.0 * np.sqrt(area)))
 
 
+@pytest.mark.kernels
 def test_nothing_is_seen_beyond_far_and_straight_down_is_a_view() -> None:
     env = Camera(still(), 16, 24, eye=(0.0, 0.0, 0.3), target=(0.0, 0.0, 0.0), far=0.26)
     seen, _ = env.reset(seed=0)
@@ -147,6 +150,7 @@ def push() -> Iterator[PushGentle]:
     env.close()
 
 
+@pytest.mark.kernels
 def test_the_same_state_gives_the_same_bits_and_motion_is_seen(push: PushGentle) -> None:
     env = Camera(push, eye=[0.0, 0.0, 0.4], target=[0.0, 0.0, 0.0])
     runs = []
@@ -161,6 +165,7 @@ def test_the_same_state_gives_the_same_bits_and_motion_is_seen(push: PushGentle)
     assert columns[1] > columns[0] + 1.0  # it goes to the right
 
 
+@pytest.mark.kernels
 def test_a_camera_without_a_place_sees_the_piece() -> None:
     """Over half of the picture, from where a plate before it, or one on either side, hides it least."""
     for walls in ((0,), (1,), (0, 1)):
@@ -172,6 +177,7 @@ def test_a_camera_without_a_place_sees_the_piece() -> None:
         env.close()
 
 
+@pytest.mark.kernels
 def test_checkers_find_nothing_to_object(push: PushGentle) -> None:
     env = Camera(PointCloud(push, points=20), 8, 12)
     assert isinstance(env.observation_space, gymnasium.spaces.Dict)
@@ -183,6 +189,7 @@ def test_checkers_find_nothing_to_object(push: PushGentle) -> None:
     assert not [each for each in warned if not any(known in str(each.message) for known in of_wrappers)]
 
 
+@pytest.mark.kernels
 @pytest.mark.skipif(
     find_spec("stable_baselines3") is None and not os.environ.get("CI"), reason="pip install 'softseam[learn]'"
 )
@@ -196,6 +203,7 @@ def test_stable_baselines3_finds_nothing_to_object(push: PushGentle) -> None:
     assert not [each for each in warned if "neither an image, nor a 1D vector" not in str(each.message)]
 
 
+@pytest.mark.kernels
 def test_a_simulation_that_fails_shows_what_was_seen_last(push: PushGentle, monkeypatch: pytest.MonkeyPatch) -> None:
     env = Camera(push, 8, 8)
     before, _ = env.reset(seed=0)

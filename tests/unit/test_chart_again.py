@@ -15,6 +15,8 @@ from softseam_studies.study.chart_command import Wishes, chart
 from softseam_studies.study.configurations import Configuration, Fem
 from softseam_studies.study.frame import Frame
 
+pytestmark = pytest.mark.kernels
+
 SCENE = """\
 softseam: 1
 name: jelly

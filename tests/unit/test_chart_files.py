@@ -143,6 +143,7 @@ def test_classic_pbd_is_a_control_of_charts_and_no_choice_of_plans() -> None:
         assert classic_configurations(Frame(with_settings(scene, [other]), np.full(3, 0.05))) == [], other
 
 
+@pytest.mark.kernels
 def test_what_a_run_never_tells_is_in_no_series() -> None:
     """Particles have no stress; a quantity that is lost at the end, the control, makes a run fail."""
     settings = classic_configurations(Frame(load_scene("tofu_grasp"), np.full(3, 0.05)))[0].settings
@@ -185,6 +186,7 @@ def test_a_sweep_thins_few_cells_towards_edges_along_one_axis_at_a_time() -> Non
     assert body.shape.gradings == (1.0, 1.0, 4.0) and body.shape.towards == ("left", "right")
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ["tofu_pads", "tofu_slab", "tofu_push", "heavy_on_soft"])
 def test_cells_to_edges_are_those_that_are_named(name: str) -> None:
     """Each piece between edges has whole cells; and an even number, where FEM solves for one side of them."""
@@ -300,6 +302,7 @@ def test_plain_cells_do_not_end_at_edges_where_a_scene_asks_for_that() -> None:
     assert isinstance(plain, BodySpec) and isinstance(plain.shape, BlockShape) and plain.shape.towards == ()
 
 
+@pytest.mark.kernels
 def test_a_swept_run_is_looked_at_in_every_step(tmp_path: Path) -> None:
     """What is looked at seldom would be judged at a few instants of a run in long steps."""
     study = study_of("tofu_push", ("quantities=[]",))
@@ -310,6 +313,7 @@ def test_a_swept_run_is_looked_at_in_every_step(tmp_path: Path) -> None:
     assert (series.looked("front.von_mises") == series.time[1:]).all() and len(series.time) > 20
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 def test_processes_side_by_side_find_the_same_and_store_it(tmp_path: Path) -> None:
     study = study_of("tofu_push", ("motion=[{hold: 0.05}]",))
@@ -373,6 +377,7 @@ def test_what_was_asked_for_is_in_the_chart_of_its_scene_alone() -> None:
     assert asked_of("tofu_grasp") == ASKED and asked_of("my_grasp") == asked_of("cantilever") == ()
 
 
+@pytest.mark.kernels
 def test_brief_runs_are_timed_more_often_than_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """Until they took BRIEF together, or were MOST; what is not to be timed at all is its first run, once."""
     settings = ("regions={default: fem}", "body.cell=0.05", "step=0.08")

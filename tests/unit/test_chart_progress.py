@@ -12,6 +12,8 @@ from softseam_studies.study.configurations import configurations
 from softseam_studies.study.progress import ChartProgress
 from softseam_studies.study.study import study_of
 
+pytestmark = pytest.mark.kernels
+
 
 @pytest.mark.parametrize("budget", [5.0, 60.0, 1e-9])
 @pytest.mark.parametrize("at", [0, 20, -1])

@@ -61,6 +61,7 @@ def fem() -> Iterator[TofuLift]:
     env.close()
 
 
+@pytest.mark.kernels
 def test_the_piece_and_the_actions_are_those_of_training(episode: Episode) -> None:
     """By the ordinary session's XPBD, which a batch follows to roundings, the trace comes out again."""
     env = TofuLift(model="xpbd")
@@ -76,6 +77,7 @@ def test_the_piece_and_the_actions_are_those_of_training(episode: Episode) -> No
     env.close()
 
 
+@pytest.mark.kernels
 def test_fem_lifts_what_xpbd_lifts(episode: Episode, fem: TofuLift) -> None:
     check = compare(episode, replay(fem, episode))
     assert check.ended_alike and check.steps == episode.steps
@@ -91,6 +93,7 @@ def test_fem_lifts_what_xpbd_lifts(episode: Episode, fem: TofuLift) -> None:
     assert isinstance(said.file, StringIO) and "start of lift" in said.file.getvalue()
 
 
+@pytest.mark.kernels
 def test_an_episode_that_fem_ends_sooner_stays_as_it_ended(episode: Episode, fem: TofuLift) -> None:
     """Crushed by actions that close for ever."""
     crushing = replace(episode, actions=[[1.0, 0.0]] * 40, trace=[[0.0, 0.0, 0.0]] * 40)
@@ -126,6 +129,7 @@ def test_a_check_is_written_and_read() -> None:
             Check.read(spoilt)
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 def test_a_process_beside_finds_the_same(episode: Episode, fem: TofuLift) -> None:
     """And episodes go on when it is ended from outside."""

@@ -11,6 +11,8 @@ from rich.console import Console
 from softseam.checking import check_scene
 from softseam.errors import SceneRefused
 
+pytestmark = pytest.mark.kernels
+
 SCENE = """\
 softseam: 1
 name: cube

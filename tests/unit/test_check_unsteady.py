@@ -10,6 +10,8 @@ from rich.console import Console
 
 from softseam.checking import check_scene
 
+pytestmark = pytest.mark.kernels
+
 SCENE = """\
 softseam: 1
 name: cube

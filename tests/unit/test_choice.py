@@ -15,6 +15,7 @@ from softseam.gym import SceneEnv
 from softseam.observation import Observation
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("scene", "settings", "said"),
     [
@@ -36,6 +37,7 @@ def test_it_says_which_model_has_which_cells(scene: str, settings: list[str], sa
         assert re.search(said, choice(session.scene, first)), choice(session.scene, first)
 
 
+@pytest.mark.kernels
 def test_it_says_so_of_each_body() -> None:
     with softseam.open(several()) as session:
         session.reset()
@@ -45,6 +47,7 @@ def test_it_says_so_of_each_body() -> None:
     assert nori == "nori: XPBD, which moves particles"
 
 
+@pytest.mark.kernels
 def test_an_observation_prints_in_a_line() -> None:
     with softseam.open("tofu_grasp") as session:
         session.reset()
@@ -52,6 +55,7 @@ def test_an_observation_prints_in_a_line() -> None:
     assert told.startswith("<Observation: step 1, 0.01 s; grip_force 0, ") and "\n" not in told and len(told) < 400
 
 
+@pytest.mark.kernels
 def test_one_model_alone_needs_no_seam() -> None:
     """newmark cannot meet a seam, and FEM alone has none; what names the seam itself is refused as before."""
     with softseam.open("cantilever", model="fem", settings=["models.fem.integrator=newmark"]) as session:

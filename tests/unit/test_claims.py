@@ -251,6 +251,7 @@ def test_slip_is_claimed_where_the_body_slides(largest: float) -> None:
         assert found["share"] == pytest.approx(late + OF_SLIP * (0.3 - late) + LEAST)
 
 
+@pytest.mark.kernels
 def test_outcomes_that_differ_are_not_settled(block: str) -> None:
     """No number stands beside a body that one run lifts and the other drops."""
     other = {"outcome": "dropped", "quantities": report()["quantities"], "seconds": 0.25}
@@ -263,6 +264,7 @@ def test_outcomes_that_differ_are_not_settled(block: str) -> None:
     assert same["sibling"]["share"] == 0.25
 
 
+@pytest.mark.kernels
 def test_a_peak_that_grows_as_cells_shrink_is_claimed_nothing_of(block: str) -> None:
     """Which of both has the shorter cells depends; what settles may differ as much, and the table says so."""
     found = sibling(block)

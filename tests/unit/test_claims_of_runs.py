@@ -24,6 +24,8 @@ from softseam.running import Wishes, run
 from softseam.scenes import bundle_of
 from softseam_protocol.messages.participant import Bundle
 
+pytestmark = pytest.mark.kernels
+
 BEAM = """\
 softseam: 1
 name: beam

@@ -27,6 +27,7 @@ def block(tmp_path: Path) -> str:
     return write_block(tmp_path)
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 def test_sessions_tables_and_events_tell_one_claim(block: str) -> None:
     said = StringIO()
@@ -45,6 +46,7 @@ def test_sessions_tables_and_events_tell_one_claim(block: str) -> None:
     assert estimate is not None and "forces" not in estimate.text and "energy norm" in estimate.text
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 def test_a_session_that_is_stepped_by_hand_claims(block: str) -> None:
     """Alike whether its tools follow the scene's motion or are driven along the same way."""
@@ -64,6 +66,7 @@ def test_a_session_that_is_stepped_by_hand_claims(block: str) -> None:
             session.claims()
 
 
+@pytest.mark.kernels
 def test_what_steps_damp_of_a_bounce_stands_beside_the_claims(tmp_path: Path) -> None:
     """An event each, with what to do."""
     material = {"kind": "neo_hookean", "young": 1e5, "poisson": 0.3, "density": 1000.0}

@@ -148,6 +148,7 @@ def assert_refused(
         assert word in told.err
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", BAD_SCENES)
 @pytest.mark.parametrize("command", ["run", "check"])
 def test_bad_scene(
@@ -158,6 +159,7 @@ def test_bad_scene(
     assert_refused([command, "bad.yaml"], words, monkeypatch, capfd)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", BAD_CALLS)
 def test_bad_call(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     arguments, words = BAD_CALLS[name]
@@ -199,6 +201,7 @@ def test_what_failed_has_another_exit_code_than_what_was_refused(
     assert capfd.readouterr().err == "error: it went wrong\n"
 
 
+@pytest.mark.kernels
 def test_what_there_is_too_little_time_for_has_failed(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -245,6 +248,7 @@ def test_packages_that_an_extra_must_bring_are_in_its_lock() -> None:
             assert locked & {name.lower().replace("_", "-") for name in brought_by.get(package, [package])}, package
 
 
+@pytest.mark.kernels
 def test_the_package_runs_as_a_module() -> None:
     """As `softseam` does, with its exit codes."""
     command = [sys.executable, "-m", "softseam", "check", "nowhere.yaml"]

@@ -52,6 +52,7 @@ def sim(path: Path) -> Iterator[softseam.Session]:
         yield session
 
 
+@pytest.mark.kernels
 def test_tools_keep_their_names_whatever_order_a_program_gives_them_in() -> None:
     """Scenes travel with sorted keys: forces and poses must not change hands with them."""
     plate = {"kind": "box", "size": [0.01, 0.03, 0.03]}
@@ -76,6 +77,7 @@ def test_tools_keep_their_names_whatever_order_a_program_gives_them_in() -> None
     assert obs.wrench["ground"][2] == pytest.approx(-1000 * 0.02**3 * 9.81, rel=0.05)
 
 
+@pytest.mark.kernels
 def test_observation_of_a_squeeze(sim: softseam.Session) -> None:
     """Plates that close by 2 x 1 mm push back on a cube with equal and opposite forces; everything is typed and SI."""
     obs = sim.reset(seed=3)
@@ -108,12 +110,14 @@ def test_observation_of_a_squeeze(sim: softseam.Session) -> None:
         obs.time = 1.0  # type: ignore[misc]
 
 
+@pytest.mark.kernels
 def test_whole_numbers_of_numpy_are_whole_numbers(sim: softseam.Session) -> None:
     sim.reset(seed=np.int64(3))  # type: ignore[arg-type]
     assert sim.step(CLOSE, count=np.uint8(2)).step == 2  # type: ignore[arg-type]
     assert sim.run(max_steps=np.int32(3)).step == 5  # type: ignore[arg-type]
 
 
+@pytest.mark.kernels
 def test_the_start_has_the_quantities_that_the_steps_have(path: Path) -> None:
     """A policy's input is as long after `reset` as after a step with fields; without them some are missing."""
     wanted = "quantities=[grip_force, peak_von_mises, tip_deflection, compression, mesh_error]"
@@ -132,6 +136,7 @@ def test_the_start_has_the_quantities_that_the_steps_have(path: Path) -> None:
         assert set(step.quantities) - set(bare.quantities) == needs_fields | errors
 
 
+@pytest.mark.kernels
 def test_run_follows_the_motion(sim: softseam.Session) -> None:
     """`run` resets, follows the scene to its end, and tells every step."""
     seen: list[softseam.Observation] = []
@@ -141,6 +146,7 @@ def test_run_follows_the_motion(sim: softseam.Session) -> None:
     assert last.time == pytest.approx(0.1)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("looks", [False, True])
 def test_a_run_that_is_cut_short_stands_at_its_last_step(
     sim: softseam.Session, monkeypatch: pytest.MonkeyPatch, looks: bool
@@ -165,6 +171,7 @@ def test_a_run_that_is_cut_short_stands_at_its_last_step(
     assert sim.run().done and sim.run().step == sim.last.step == 10
 
 
+@pytest.mark.kernels
 def test_same_inputs_same_bits(path: Path) -> None:
     """Two sessions, and a reset one, give the same bits."""
     trajectories = []
@@ -175,6 +182,7 @@ def test_same_inputs_same_bits(path: Path) -> None:
     assert trajectories[0] == trajectories[1] == trajectories[2]
 
 
+@pytest.mark.kernels
 def test_snapshot_continues_bit_for_bit(sim: softseam.Session, path: Path) -> None:
     """What follows a restore is what followed the snapshot, in this session and in another one."""
     sim.reset()
@@ -201,6 +209,7 @@ BAD_VELOCITIES = {
 }
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", BAD_VELOCITIES)
 def test_bad_velocity_changes_nothing(name: str, path: Path) -> None:
     """Bad input is refused by name, and the simulation goes on as if it had not been given."""
@@ -215,6 +224,7 @@ def test_bad_velocity_changes_nothing(name: str, path: Path) -> None:
         assert tried.step(CLOSE).positions.tobytes() == untouched.step(CLOSE).positions.tobytes()
 
 
+@pytest.mark.kernels
 def test_bad_snapshot_changes_nothing(sim: softseam.Session, path: Path) -> None:
     """A damaged snapshot, foreign bytes and another scene's snapshot are refused; the session goes on."""
     sim.reset()
@@ -251,6 +261,7 @@ def test_of_several_settings_that_is_named_which_is_wrong(path: Path, settings: 
     assert str(refused.value).startswith(told)
 
 
+@pytest.mark.kernels
 def test_bad_calls_are_named(path: Path) -> None:
     with pytest.raises(softseam.SceneRefused, match=r"none\.yaml"):
         softseam.open("folder/none.yaml")
@@ -283,6 +294,7 @@ def test_bad_calls_are_named(path: Path) -> None:
             use()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("folder", ["/proc/none", "file/folder"])
 def test_a_recording_that_has_no_folder_is_bad_input(path: Path, tmp_path: Path, folder: str) -> None:
     (tmp_path / "file").touch()
@@ -292,6 +304,7 @@ def test_a_recording_that_has_no_folder_is_bad_input(path: Path, tmp_path: Path,
             session.reset()
 
 
+@pytest.mark.kernels
 def test_a_second_thread_is_told_whose_turn_it_is(sim: softseam.Session) -> None:
     """While the first is at work, which goes on as if nobody had asked; its own calls from within are let through."""
     sim.reset()
@@ -319,6 +332,7 @@ def test_a_second_thread_is_told_whose_turn_it_is(sim: softseam.Session) -> None
     assert str(errors[-1]) == "2"
 
 
+@pytest.mark.kernels
 def test_models(path: Path) -> None:
     """A scene is simulated with one model alone, or as it says."""
     scene = softseam.load_scene(path)

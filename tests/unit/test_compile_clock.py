@@ -11,6 +11,8 @@ from numba import njit
 
 from softseam_services.jit.compile_clock import CompileClock
 
+pytestmark = pytest.mark.kernels
+
 
 def test_what_is_compiled_is_counted_once_in_both_times() -> None:
     @njit(error_model="numpy")

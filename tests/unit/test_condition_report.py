@@ -26,6 +26,7 @@ def told(scene: str, *settings: str, **wishes: object) -> tuple[dict, str]:  # t
     return run(asked, Console(file=said, width=1000)), said.getvalue()
 
 
+@pytest.mark.kernels
 def test_a_rope_s_number_is_in_the_report_and_in_the_table(tmp_path: Path) -> None:
     """At the start of what check tells, at the end of what stands then; the recording is that of any run."""
     files = {"report": tmp_path / "a.json", "record": tmp_path / "a.mcap"}
@@ -39,6 +40,7 @@ def test_a_rope_s_number_is_in_the_report_and_in_the_table(tmp_path: Path) -> No
     assert sum(type(message).__name__ == "StepReport" for message in Recording(files["record"])) == 5
 
 
+@pytest.mark.kernels
 def test_numbers_of_blocks_and_of_tetrahedra() -> None:
     blocks, _ = told("tofu_grasp", "regions={default: pbd}", "body.cell=0.025")
     solids, _ = told("tofu_grasp", "regions={default: pbd}", BLOCK, "tools={}", "quantities=[sag]")
@@ -46,6 +48,7 @@ def test_numbers_of_blocks_and_of_tetrahedra() -> None:
         assert report["condition"]["body"]["start"] > 1.0
 
 
+@pytest.mark.kernels
 def test_what_has_no_number_is_said_to_have_none() -> None:
     report, said = told("tofu_grasp", "regions={default: fem}")
     assert report["condition"] == {} and "no condition number: XPBD moves no body" in said

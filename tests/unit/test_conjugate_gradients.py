@@ -9,6 +9,8 @@ import pytest
 from conjugate_gradients import Floats, compressed, conjugate_gradients, incomplete_cholesky, substitute
 from scipy.sparse import csr_array, kron, tril
 
+pytestmark = pytest.mark.kernels
+
 LINE = np.diag(np.full(12, 2.1)) - np.eye(12, k=1) - np.eye(12, k=-1)
 PLANE = csr_array(kron(LINE, np.eye(12)) + kron(np.eye(12), LINE))
 

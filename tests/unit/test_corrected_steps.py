@@ -16,6 +16,8 @@ from softseam_services.body.region import shared_nodes
 from softseam_services.fem.face_forces import point_positions
 from softseam_services.server import ParticipantServer
 
+pytestmark = pytest.mark.kernels
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
@@ -111,9 +113,7 @@ def test_what_sticks_comes_back_to_where_it_stuck_before_a_settled_step() -> Non
         run.n_steps += 1
         run.solver.advance(_coupled(run, still, 0, {}))
     held = (np.abs(run.solver.state.contact[:, :, :3]).sum(axis=2) > 0.0).sum(axis=1)
-    back = point_positions(run.solver._model, run.solver._parameters, run.x) - point_positions(
-        run.solver._model, run.solver._parameters, before
-    )
+    back = point_positions(run.model, run.parameters, run.x) - point_positions(run.model, run.parameters, before)
     assert (held == 1).sum() >= 30
     assert np.abs(back[held == 1]).max() < 1e-4 * moved
 

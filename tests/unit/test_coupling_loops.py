@@ -9,6 +9,8 @@ from known_parts import Chain, part, seam
 from softseam_coupling.loops import LOOPS
 from softseam_coupling.loops.loop import Unsuited
 
+pytestmark = pytest.mark.kernels
+
 
 @pytest.mark.parametrize("scheme", list(LOOPS))
 def test_a_loop_goes_on_from_its_arrays_before_or_after_it_begins(scheme: str) -> None:

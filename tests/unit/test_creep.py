@@ -16,6 +16,8 @@ from softseam_services.orchestrator.creep import Creep
 from softseam_services.orchestrator.whereabouts import Seen
 from softseam_services.tools.build import build_tools
 
+pytestmark = pytest.mark.kernels
+
 LOOK = 0.1
 """[s]"""
 SIZE, DENSITY = 0.06, 900.0

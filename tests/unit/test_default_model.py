@@ -57,6 +57,7 @@ def chosen(given: Scene, name: str = "body") -> tuple[str | None, float | None, 
     return made.scene.regions.default, None if near is None else near.within, made.why
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("body", "keys", "model", "reach", "words"),
     [
@@ -79,6 +80,7 @@ def test_what_is_small_is_fems_and_what_is_large_is_cut(
     assert told[:2] == (model, None if reach is None else pytest.approx(reach, rel=0.01)) and words in told[2], told
 
 
+@pytest.mark.kernels
 def test_hexahedra_of_a_file_are_not_cut() -> None:
     """Seams run along faces that are rectangles: XPBD has them all, though a tool moves."""
     models = {"fem": {"element": "hex27_full"}, "pbd": {"sweeps": 2}}
@@ -86,6 +88,7 @@ def test_hexahedra_of_a_file_are_not_cut() -> None:
     assert told[:2] == ("pbd", None) and "(regions.default: fem for that)" in told[2], told
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("keys", "model", "words"),
     [
@@ -123,6 +126,7 @@ def scene_text(body: dict[str, Any], keys: dict[str, Any]) -> str:
     return json.dumps(told, separators=(",", ":"))
 
 
+@pytest.mark.kernels
 def test_what_a_scene_names_it_gets() -> None:
     large, small = scene(block(8), 0.001), scene(block(2))
     assert chosen(with_model(large, "fem")) == ("fem", None, "")
@@ -132,6 +136,7 @@ def test_what_a_scene_names_it_gets() -> None:
     assert near.regions.default == "pbd" and chosen(near) == ("pbd", 0.02, "")
 
 
+@pytest.mark.kernels
 def test_each_of_several_bodies_is_decided_alone() -> None:
     """What one body names is not another's."""
     bodies = {
@@ -151,6 +156,7 @@ def test_each_of_several_bodies_is_decided_alone() -> None:
     assert [name for name, told in found.items() if told[2]] == ["small", "large"]
 
 
+@pytest.mark.kernels
 def test_every_process_decides_alike_and_the_scene_stays_as_it_was_written() -> None:
     """The choice is no part of the scene, nor of its hash; it is found again from what was recorded."""
     given = scene(block(8), 0.001)
@@ -159,6 +165,7 @@ def test_every_process_decides_alike_and_the_scene_stays_as_it_was_written() -> 
     assert given.regions.default is None and parse_scene(scene_json(given)) == given
 
 
+@pytest.mark.kernels
 def test_run_report_and_check_say_which_and_why(tmp_path: Path) -> None:
     why = "the scene names no model, and fem costs some 2.5 times what pbd does: up to 20 it is worth that"
     given = scene(block(2))
@@ -179,6 +186,7 @@ def test_run_report_and_check_say_which_and_why(tmp_path: Path) -> None:
     assert f"fem everywhere, for {why}" in console.file.getvalue()  # type: ignore[attr-defined]
 
 
+@pytest.mark.kernels
 def test_a_large_body_is_cut_where_the_tool_presses() -> None:
     """And its first line says so: of 216 cells the 36 at the plate, once it is near."""
     with softseam.open(scene(block(6), 0.001)) as session:
@@ -202,6 +210,7 @@ def test_bundled_scenes_name_their_models() -> None:
 # ---- FEM's element, where a scene names none
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("body", "element"), [(block(3), "hex27"), (DUMPLING, "hex27_reduced"), (OWN, "hex27")])
 def test_cells_that_a_surface_cuts_have_the_softer_element(body: dict[str, Any], element: str) -> None:
     """Also beside a body of another kind, and after the scene was written out and read again; a named one stays."""
@@ -217,6 +226,7 @@ def test_cells_that_a_surface_cuts_have_the_softer_element(body: dict[str, Any],
     assert setup(named).scene.models.fem.element == "hex27"
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("body", "means"), [(block(8), "fem costs"), (DUMPLING, "sets models.fem.element")])
 def test_the_element_that_a_body_has_anyhow_means_no_model(body: dict[str, Any], means: str) -> None:
     """`element: hex27` of a block, as older recordings have it, is as if nothing was said; of a mesh it is a choice."""

@@ -61,6 +61,7 @@ def warnings_of_check(path: Path, settings: Sequence[str] = ()) -> list[str]:
     return [line for line in said.getvalue().splitlines() if line.startswith("warning")]
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("old", "new", "words"), DOUBTFUL, ids=[words.split(": ")[1] for _, _, words in DOUBTFUL])
 def test_a_run_begins_with_the_warnings_of_check(old: str, new: str, words: str, tmp_path: Path) -> None:
     path = tmp_path / "cube.yaml"
@@ -71,12 +72,14 @@ def test_a_run_begins_with_the_warnings_of_check(old: str, new: str, words: str,
     assert told == warnings_of_check(path)
 
 
+@pytest.mark.kernels
 def test_a_sound_scene_has_none(tmp_path: Path) -> None:
     path = tmp_path / "cube.yaml"
     path.write_text(SCENE)
     assert warnings_of_run(path) == []
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("young", [90, 150, 310])
 def test_what_a_setting_changed_is_warned_of_by_its_name(young: int, tmp_path: Path) -> None:
     path, setting = tmp_path / "cube.yaml", f"body.material.young={young}"
@@ -85,6 +88,7 @@ def test_what_a_setting_changed_is_warned_of_by_its_name(young: int, tmp_path: P
     assert told.startswith(f"warning: --set {setting}: body.material.young: {young} Pa")
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("young", [20.0, 50.0, 99.0])
 def test_a_modulus_in_kilopascals_is_told_without_weight(young: float, tmp_path: Path) -> None:
     """Where no gravity would make it sink; the softest gels that stand have more."""
@@ -95,6 +99,7 @@ def test_a_modulus_in_kilopascals_is_told_without_weight(young: float, tmp_path:
     assert warnings_of_check(path, [f"body.material.young={young + 80}"]) == []
 
 
+@pytest.mark.kernels
 def test_cells_that_are_hardly_filled_are_told_in_the_table_alone(tmp_path: Path) -> None:
     """They are joined to fuller ones: nothing about the scene is doubtful for them."""
     (tmp_path / "ball.obj").write_bytes(solids.obj(*solids.sphere(0.02, 3)))
@@ -107,6 +112,7 @@ def test_cells_that_are_hardly_filled_are_told_in_the_table_alone(tmp_path: Path
     assert re.search(r"cells wholly, \d+ by less than 2 %", said.getvalue()) and "warning" not in said.getvalue()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ["tofu", "jelly"])
 def test_of_several_bodies_the_one_is_named(name: str, tmp_path: Path) -> None:
     """The same material for both, but one of them as soft as soup."""
@@ -122,6 +128,7 @@ def test_of_several_bodies_the_one_is_named(name: str, tmp_path: Path) -> None:
     assert warnings_of_check(path) == [told]
 
 
+@pytest.mark.kernels
 def test_a_session_tells_them(tmp_path: Path) -> None:
     path = tmp_path / "cube.yaml"
     path.write_text(SCENE.replace("2.0e4", "200"))
@@ -141,6 +148,7 @@ def test_without_bodies_the_scene_alone_tells(old: str, new: str, words: str, tm
     assert told.startswith(words.split(": ", 1)[1])
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("changes", "key"),
     [

@@ -8,6 +8,8 @@ from fem_run import FemRun, block
 
 from softseam_services.tools.face_points import face_points
 
+pytestmark = pytest.mark.kernels
+
 
 @pytest.mark.parametrize("element", ["tet4", "tet4_fbar", "tet10"])
 def test_a_small_tool_presses_a_block_of_tetrahedra(element: str) -> None:

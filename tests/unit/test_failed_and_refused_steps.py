@@ -10,6 +10,8 @@ import pytest
 import softseam
 from softseam.variants import Model
 
+pytestmark = pytest.mark.kernels
+
 SPIN = 1e5
 """[rad/s]: 50 turns of the block in a step"""
 TEXT = f"""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fem_run import block
 from numpy.typing import NDArray
-from test_fem_fronts import _dense
+from test_fem_fronts import dense_of
 
 from softseam_services.body.build import build_body
 from softseam_services.body.filled import FILL_FLOOR
@@ -22,6 +22,8 @@ from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.structures import build_tables
 from softseam_services.fem.tree import Tree
 from softseam_services.fem.work import Work, build_work
+
+pytestmark = pytest.mark.kernels
 
 FILLS = ["full", "partial", "two materials"]
 KINDS = ["neo_hookean", "linear"]
@@ -104,7 +106,7 @@ def test_tangent_is_the_gradient_of_the_forces(fill: str, kind: str) -> None:
     x = _deformed(model, parameters)
     work.values[:] = 0.0
     add_cell_tangents(x, model, parameters, tree, work, False)
-    dense = _dense(model, tree, work)
+    dense = dense_of(model, tree, work)
     for seed in range(3):
         way = np.random.default_rng(seed).standard_normal(x.shape)
         e = 1e-7
@@ -162,7 +164,7 @@ def test_six_rigid_modes_and_no_others(fill: str) -> None:
     """At rest K has exactly six modes without energy: no hourglass modes, also where octants are empty."""
     model, parameters, tree, work = _model(fill)
     add_cell_tangents(parameters.x_rest, model, parameters, tree, work, False)
-    values = np.linalg.eigvalsh(_dense(model, tree, work))
+    values = np.linalg.eigvalsh(dense_of(model, tree, work))
     assert np.abs(values[:6]).max() < 1e-12 * values[-1]
     assert values[6] > (1e-3 if fill == "full" else 1e-3 * FILL_FLOOR) * values[-1]
 
@@ -194,11 +196,11 @@ def test_crushed_cells_have_finite_forces_and_a_safe_matrix() -> None:
     )
     assert np.isfinite(_forces(x, model, parameters, work)).all()
     add_cell_tangents(x, model, parameters, tree, work, False)
-    true_values = np.linalg.eigvalsh(_dense(model, tree, work))
+    true_values = np.linalg.eigvalsh(dense_of(model, tree, work))
     assert true_values[0] < -1e-3 * true_values[-1]
     work.values[:] = 0.0
     add_cell_tangents(x, model, parameters, tree, work, True)
-    values = np.linalg.eigvalsh(_dense(model, tree, work))
+    values = np.linalg.eigvalsh(dense_of(model, tree, work))
     assert values[0] > -1e-12 * values[-1]
     work.values[:] = 0.0
     add_cell_tangents(x, model, parameters, tree, work, True)

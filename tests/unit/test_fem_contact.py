@@ -7,7 +7,7 @@ import pytest
 import solids
 from fem_run import FemRun, block
 from numpy.typing import NDArray
-from test_fem_fronts import _dense
+from test_fem_fronts import dense_of
 
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.build import build_body
@@ -36,8 +36,10 @@ from softseam_services.fem.work import Work
 from softseam_services.shapes.branches import PLANE
 from softseam_services.tools.kernels import tool_gap
 
+pytestmark = pytest.mark.kernels
 
-def _problem(
+
+def squeezed_problem(
     friction: float,
     multiplier: tuple[float, float, float] = (0.0, 0.0, 0.0),
     start: tuple[float, float, float] = (0.0, 0.0, 0.0),
@@ -69,7 +71,7 @@ def _problem(
     return model, parameters, tree, work, tools, x, count
 
 
-def _force(
+def forces_at(
     x: NDArray[np.float64], model: FemModel, parameters: FemParameters, tools: Tools, count: int, work: Work
 ) -> NDArray[np.float64]:
     evaluate_contacts(x, model, parameters, tools, count, work)
@@ -80,9 +82,9 @@ def _force(
 
 def test_pressure_follows_the_penalty() -> None:
     """Without a multiplier p = r depth at each point; the sum is r/A of the face times area times depth."""
-    model, parameters, _, work, tools, x, count = _problem(0.0)
+    model, parameters, _, work, tools, x, count = squeezed_problem(0.0)
     assert count == 25
-    total = _force(x, model, parameters, tools, count, work).reshape(-1, 3).sum(axis=0)
+    total = forces_at(x, model, parameters, tools, count, work).reshape(-1, 3).sum(axis=0)
     np.testing.assert_allclose(total[:2], 0.0, atol=1e-15)
     below = parameters.point_stiffness[work.pair[:count, 0]].sum()
     np.testing.assert_allclose(total[2], below * 1e-5, rtol=1e-12)
@@ -90,7 +92,7 @@ def test_pressure_follows_the_penalty() -> None:
 
 @pytest.mark.parametrize(("way", "state"), [((1e-6, 2e-6, 0.0), STICK), ((1e-4, -2e-4, 0.0), SLIP)])
 def test_friction_sticks_inside_the_cone_and_slips_on_it(way: tuple[float, float, float], state: int) -> None:
-    model, parameters, _, work, tools, x, count = _problem(0.5, start=way)
+    model, parameters, _, work, tools, x, count = squeezed_problem(0.5, start=way)
     evaluate_contacts(x, model, parameters, tools, count, work)
     assert (work.state[:count] == state).all()
     for row, pair in zip(work.contact[:count], work.pair[:count], strict=True):
@@ -122,7 +124,7 @@ ACROSS = np.array([1.0, 1.0, 0.0])
 def test_what_sticks_is_drawn_to_its_anchor(carry: float, pace: float) -> None:
     """t = lambda_t - r (pace d + D), d_next = c D + (1 - pace (1 - c)) d; the part of d along the normal is dropped."""
     multiplier = (0.01, 0.0, 0.5)
-    model, parameters, _, work, tools, x, count = _problem(
+    model, parameters, _, work, tools, x, count = squeezed_problem(
         50.0, multiplier, start=(WAY[0], WAY[1], WAY[2]), offset=(OFFSET[0], OFFSET[1], OFFSET[2]), pace=pace
     )
     work.hold[:count, 1] = carry
@@ -136,7 +138,7 @@ def test_what_sticks_is_drawn_to_its_anchor(carry: float, pace: float) -> None:
 
 
 def test_where_it_slips_there_it_sticks_next() -> None:
-    model, parameters, _, work, tools, x, count = _problem(
+    model, parameters, _, work, tools, x, count = squeezed_problem(
         0.01, (0.0, 0.0, 0.1), start=(1e-4, 0.0, 0.0), offset=(1e-5, 0.0, 0.0)
     )
     evaluate_contacts(x, model, parameters, tools, count, work)
@@ -146,7 +148,7 @@ def test_where_it_slips_there_it_sticks_next() -> None:
 
 def test_an_anchor_turns_with_its_tool() -> None:
     """A point that goes with a tool that turns by 90 degrees keeps its offset in the tool's frame."""
-    model, parameters, _, work, tools, x, _ = _problem(0.5)
+    model, parameters, _, work, tools, x, _ = squeezed_problem(0.5)
     half = np.sqrt(0.5)
     tools = tools._replace(orientation_next=np.array([[half, 0.0, 0.0, half]]))
     contact = np.zeros((len(model.point_face), 1, N_STATE))
@@ -164,7 +166,7 @@ def test_an_anchor_turns_with_its_tool() -> None:
 
 
 def test_a_pulling_multiplier_is_dropped() -> None:
-    model, parameters, _, work, tools, x, count = _problem(0.5, multiplier=(0.0, 0.0, -1.0))
+    model, parameters, _, work, tools, x, count = squeezed_problem(0.5, multiplier=(0.0, 0.0, -1.0))
     evaluate_contacts(x + np.array([0.0, 0.0, 2e-5]), model, parameters, tools, count, work)
     assert (work.state[:count] == OPEN).all()
 
@@ -174,20 +176,20 @@ def test_a_pulling_multiplier_is_dropped() -> None:
 def test_tangent_is_the_gradient_of_the_force(case: str, embedded: bool) -> None:
     """Central differences; in slip along directions that leave the pressure alone, whose effect is dropped."""
     friction = {"frictionless": 0.0, "stick": 5.0, "slip": 0.01}[case]
-    model, parameters, tree, work, tools, x, count = _problem(
+    model, parameters, tree, work, tools, x, count = squeezed_problem(
         friction, multiplier=(0.0, 0.0, 1e-3), start=(3e-5, 1e-5, 0.0), embedded=embedded
     )
     assert count > (100 if embedded else 8)
-    _force(x, model, parameters, tools, count, work)
+    forces_at(x, model, parameters, tools, count, work)
     work.contact[:count, 12] = 1.0 if case == "slip" else 0.0
     work.values[:] = 0.0
     add_contact_tangents(model, parameters, tree, count, -np.inf, work)
-    dense = _dense(model, tree, work)
+    dense = dense_of(model, tree, work)
     way = np.random.default_rng(0).standard_normal(x.shape)
     if case == "slip":
         way[:, 2] = 0.0
     e = 1e-9
-    difference = _force(x - e * way, model, parameters, tools, count, work) - _force(
+    difference = forces_at(x - e * way, model, parameters, tools, count, work) - forces_at(
         x + e * way, model, parameters, tools, count, work
     )
     ordered = np.zeros_like(work.r)
@@ -198,7 +200,7 @@ def test_tangent_is_the_gradient_of_the_force(case: str, embedded: bool) -> None
 
 def test_tools_that_carry_a_point_along_do_not_rub() -> None:
     """A point that moves with its tool, turn included, has no slip."""
-    model, parameters, _, work, tools, x, _ = _problem(0.5)
+    model, parameters, _, work, tools, x, _ = squeezed_problem(0.5)
     half = 0.05
     turned = np.array([[np.cos(half / 2), 0.0, 0.0, np.sin(half / 2)]])
     tools = tools._replace(orientation_next=turned, position_next=tools.position + np.array([[0.01, 0.0, 0.0]]))
@@ -216,7 +218,7 @@ def test_what_stuck_is_held_once_however_far_its_tool_has_gone(
 ) -> None:
     """A multiplier inside the cone stuck in the last step, one on the cone slipped."""
     way = np.array([1e-3, -2e-3, 0.0])
-    model, parameters, _, work, tools, x, count = _problem(0.5, multiplier, start=(way[0], way[1], way[2]))
+    model, parameters, _, work, tools, x, count = squeezed_problem(0.5, multiplier, start=(way[0], way[1], way[2]))
     hold_what_stuck(count, work)
     for state in states:
         evaluate_contacts(x, model, parameters, tools, count, work)
@@ -233,7 +235,7 @@ def test_what_stuck_is_held_once_however_far_its_tool_has_gone(
 @pytest.mark.parametrize(("along", "friction", "state"), [(0.1, 0.5, HELD), (0.5, 0.5, OPEN), (0.0, 0.0, OPEN)])
 def test_what_stuck_is_held_once_by_a_tool_that_leaves(along: float, friction: float, state: int) -> None:
     """It pulls by the penalty times the gap; what slipped in the last step, or has no friction, it leaves."""
-    model, parameters, _, work, tools, x, count = _problem(friction, (along, 0.0, 1.0), start=(1e-6, 0.0, 0.0))
+    model, parameters, _, work, tools, x, count = squeezed_problem(friction, (along, 0.0, 1.0), start=(1e-6, 0.0, 0.0))
     away = tools._replace(position_next=tools.position_next - np.array([[0.0, 0.0, 1.0]]))
     hold_what_stuck(count, work)
     evaluate_contacts(x, model, parameters, away, count, work)
@@ -250,7 +252,7 @@ def test_what_stuck_is_held_once_by_a_tool_that_leaves(along: float, friction: f
 
 def test_without_friction_nothing_stuck_however_the_tool_is_tilted() -> None:
     """What is left of a normal force without its part along the normal is rounding, of either sign."""
-    model, parameters, _, work, tools, x, count = _problem(0.0)
+    model, parameters, _, work, tools, x, count = squeezed_problem(0.0)
     turns = np.random.default_rng(0).standard_normal((40, 1, 4))
     for turn in turns / np.linalg.norm(turns, axis=2, keepdims=True):
         tilted = tools._replace(followed=np.array([True]), orientation=turn, orientation_next=turn)
@@ -277,7 +279,7 @@ def test_without_friction_nothing_stuck_however_the_tool_is_tilted() -> None:
 def test_a_guess_that_loses_its_contacts_is_known(
     multiplier: tuple[float, float, float], along: float, up: float, lost: bool
 ) -> None:
-    model, parameters, _, work, tools, x, count = _problem(0.5, multiplier, start=(along, 0.0, 0.0))
+    model, parameters, _, work, tools, x, count = squeezed_problem(0.5, multiplier, start=(along, 0.0, 0.0))
     evaluate_contacts(x + np.array([0.0, 0.0, up]), model, parameters, tools, count, work)
     assert lets_go(parameters, tools._replace(followed=np.array([True])), count, work) == lost
     assert not lets_go(parameters, tools._replace(followed=np.array([False])), count, work)

@@ -57,6 +57,8 @@ def test_every_element_of_the_scene_has_a_row() -> None:
     assert set(ELEMENTS) == set(FACTS)
 
 
+@pytest.mark.slow
+@pytest.mark.kernels
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_forces_and_tangents_are_derivatives(element: ElementKind, kind: MaterialKind) -> None:
@@ -72,6 +74,7 @@ def test_forces_and_tangents_are_derivatives(element: ElementKind, kind: Materia
     np.testing.assert_allclose(product, difference, atol=1e-6 * np.abs(difference).max())
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_derivatives_hold_where_elements_are_turned_over(element: ElementKind) -> None:
     case = bent(element)
@@ -85,6 +88,7 @@ def test_derivatives_hold_where_elements_are_turned_over(element: ElementKind) -
     np.testing.assert_allclose(product, difference, atol=1e-5 * np.abs(difference).max())
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_definite_tangents_are_semi_definite_and_exact_at_rest(element: ElementKind, kind: MaterialKind) -> None:
@@ -96,6 +100,7 @@ def test_definite_tangents_are_semi_definite_and_exact_at_rest(element: ElementK
     assert np.abs(case.stiffness(case.x_rest, definite=True).toarray() - exact).max() < 1e-11 * np.abs(exact).max()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("partial", [False, True])
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_six_rigid_modes_and_no_others(element: ElementKind, partial: bool) -> None:
@@ -120,6 +125,7 @@ def test_a_reduced_hexahedron_without_hourglass_control_has_spurious_modes() -> 
         assert np.count_nonzero(values < 1e-12 * values[-1]) == expected
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_volume_is_exact_and_shared_by_octants(element: ElementKind) -> None:
     """Points' weights sum to the cell's volume, on boxes also octant by octant; mass is the body's, rho V."""
@@ -132,6 +138,7 @@ def test_volume_is_exact_and_shared_by_octants(element: ElementKind) -> None:
     np.testing.assert_allclose(case.parameters.mass.sum(), 1050.0 * 2.0 * EDGE**3, rtol=1e-13)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_rotation_costs_nothing(element: ElementKind) -> None:
     case = bent(element)
@@ -142,6 +149,7 @@ def test_rotation_costs_nothing(element: ElementKind) -> None:
     np.testing.assert_allclose(f.sum(axis=0), 0.0, atol=1e-13 * np.abs(f).sum())
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_a_body_that_is_all_inclusion_is_of_that_material(element: ElementKind) -> None:
     """Forces, tangents, energy and masses are those of the same body whose own material it is."""
@@ -167,6 +175,7 @@ def unsplit(body: Body) -> Body:
     return dataclasses.replace(body, materials=materials)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("cells", [1, 2])
 @pytest.mark.parametrize("kind", ["neo_hookean", "linear"])
 @pytest.mark.parametrize("element", SHARES)
@@ -192,6 +201,7 @@ def test_the_fast_path_is_the_general_one(element: ElementKind, kind: MaterialKi
         np.testing.assert_allclose(stress[0], stress[1], atol=off * np.abs(stress[0]).max())
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("element", SHARES)
 def test_one_graded_cell_has_its_own_volume(element: ElementKind) -> None:
     """One that is no box of the body's edges, which are the shortest: its weights sum to its volume."""
@@ -202,6 +212,7 @@ def test_one_graded_cell_has_its_own_volume(element: ElementKind) -> None:
     assert Statics(body, element).parameters.weight.sum() == pytest.approx(5.4e-5, rel=1e-12)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_a_cell_turned_over_is_refused(element: ElementKind) -> None:
     x = 0.5 * EDGE * LOCAL[None].astype(np.float64)
@@ -210,6 +221,7 @@ def test_a_cell_turned_over_is_refused(element: ElementKind) -> None:
         ELEMENTS[element](x, 0.3)
 
 
+@pytest.mark.kernels
 def test_the_volume_of_a_patch_stays_positive_and_smooth() -> None:
     for J in (-2.0, -0.3, 0.0, 0.1, 0.19, 0.21, 1.0):
         j, a, da = positive_volume(J)

@@ -19,6 +19,8 @@ from softseam_services.fem.structures import build_tables
 from softseam_services.fem.tree import Tree
 from softseam_services.fem.work import Work, build_work
 
+pytestmark = pytest.mark.kernels
+
 CASES = ["one_cell", "clamped", "two_columns", "ring", "wide", "slab"]
 """wide and slab: panels beyond NARROW columns, and a seam as wide"""
 
@@ -52,10 +54,10 @@ def _problem(case: str) -> tuple[FemModel, FemParameters, Work, NDArray[np.float
     x = parameters.x_rest @ (np.eye(3) + 0.05 * rng.standard_normal((3, 3)))
     add_diagonal(tree, work.values, parameters.mass, 1e7)
     add_cell_tangents(x, model, parameters, tree, work, False)
-    return model, parameters, work, _dense(model, tree, work)
+    return model, parameters, work, dense_of(model, tree, work)
 
 
-def _dense(model: FemModel, tree: Tree, work: Work) -> NDArray[np.float64]:
+def dense_of(model: FemModel, tree: Tree, work: Work) -> NDArray[np.float64]:
     n_free = np.count_nonzero(tree.position >= 0)
     dense = np.zeros((3 * n_free, 3 * n_free))
     for first, n_own, n_all, _, offset, row, *_ in tree.meta:

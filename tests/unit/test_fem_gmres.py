@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from softseam_services.fem.kernels.gmres import add_solution, begin_krylov, extend_krylov
 
+pytestmark = pytest.mark.kernels
+
 Floats = NDArray[np.float64]
 SIZE = 12
 

@@ -17,6 +17,8 @@ from softseam_services.fem.work import build_work
 from softseam_services.server import build_setup
 from softseam_services.warm_up import warm_scene
 
+pytestmark = pytest.mark.kernels
+
 
 def types(element: str, grading: float) -> tuple[Any, ...]:
     """Of model, parameters and scratch, for cells that grow by `grading`."""

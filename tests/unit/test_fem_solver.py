@@ -15,6 +15,8 @@ from softseam_protocol.messages.participant import Advance, BodyState
 from softseam_services.body.body import Body
 from softseam_services.body.region import shared_nodes
 
+pytestmark = pytest.mark.kernels
+
 
 def _ends(body: Body) -> NDArray[np.int32]:
     return np.flatnonzero(body.cell_grid[:, 0] != 1).astype(np.int32)

@@ -20,6 +20,8 @@ from softseam_services.fem.step_inputs import StepInputs
 from softseam_services.fem.structures import Structures, Tables
 from softseam_services.fem.tool_motion import at_rest, moved
 
+pytestmark = pytest.mark.kernels
+
 STEPS = 6
 
 

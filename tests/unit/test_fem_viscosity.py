@@ -10,6 +10,8 @@ from element_statics import Floats, Statics, lattice
 
 from softseam_protocol.scene.kinds import ElementKind, MaterialKind
 
+pytestmark = pytest.mark.kernels
+
 TIME, DT = 0.5, 0.01
 KINDS: list[tuple[MaterialKind, ElementKind]] = [
     ("neo_hookean", "hex27"),

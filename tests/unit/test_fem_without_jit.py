@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.kernels
+
 HERE = Path(__file__).parent
 FILES = [
     f"{HERE / 'test_fem_fronts.py'}::test_solve_equals_dense[one_cell]",

@@ -78,6 +78,7 @@ def test_what_is_nowhere_is_named_with_both_places(scene: Path) -> None:
     assert f"{scene.parent / 'other.obj'} cannot be read: No such file or directory, nor is there other.obj" in text
 
 
+@pytest.mark.kernels
 def test_in_python_and_from_reset(scene: Path) -> None:
     with softseam.open(scene, settings=["body.shape.path=meshes/flat.obj"]) as sim:
         sim.reset()
@@ -87,6 +88,7 @@ def test_in_python_and_from_reset(scene: Path) -> None:
         sim.step({})
 
 
+@pytest.mark.kernels
 def test_a_scene_made_in_code_reads_from_the_working_folder(scene: Path) -> None:
     made = Scene.model_validate_json(
         with_settings(bundle_of(scene)[0], ["body.shape.path=tall.obj", "tools.finger.path=tall.obj"]).model_dump_json()
@@ -114,6 +116,7 @@ def test_unit_and_axis_are_those_of_the_file_that_a_setting_names(scene: Path) -
         assert mesh_of(with_settings(bundle_of(scene)[0], settings)).scale == 0.5
 
 
+@pytest.mark.kernels
 def test_a_finger_in_another_unit_is_named_with_the_scale_that_would_do(scene: Path) -> None:
     loaded, given = bundle_of(scene)
     mm = ["tools.finger.path=mm.obj"]
@@ -133,6 +136,7 @@ def test_a_finger_in_another_unit_is_named_with_the_scale_that_would_do(scene: P
         build_setup(bundle_with(with_settings(loaded, ["tools.finger.position=[0, 0, 0.02]"]), given, scene))
 
 
+@pytest.mark.kernels
 def test_what_is_wrong_in_a_mesh_that_a_setting_names_is_told_with_the_setting(scene: Path) -> None:
     (scene.parent / "open.obj").write_bytes(CUBE.rpartition(b"f ")[0])
     with pytest.raises(

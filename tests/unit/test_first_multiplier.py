@@ -11,6 +11,8 @@ from softseam_services.body.body import Body
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
+pytestmark = pytest.mark.kernels
+
 SIZE, DENSITY = (0.08, 0.02, 0.02), 1000.0
 
 

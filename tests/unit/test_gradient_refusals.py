@@ -12,6 +12,8 @@ import softseam
 from softseam.errors import BadInput, UnknownTool
 from softseam.losses import Run, Slope, displacement, tool_force
 
+pytestmark = pytest.mark.kernels
+
 LOSS = tool_force("left", [1.0, 0.0, 0.0])
 PRESS = {"tools": ["left", "right"], "close": 0.02, "until": {"force": 1.0}}
 TURN = {"tools": ["left"], "turn": [0.1, 0.0, 0.0], "speed": 1.0}

@@ -63,6 +63,7 @@ def run(motion: list[dict[str, Any]], **changes: Any) -> list[StepReport]:
 CLOSE = {"tools": NAMES, "close": 0.02, "until": {"compression": 0.2}}
 
 
+@pytest.mark.kernels
 def test_three_tools_close_on_their_centre_by_a_squeeze() -> None:
     reports = run([CLOSE, {"hold": 0.05}])
     start, end = np.array(around(3, 0.0365)), reports[-1].tool_position
@@ -79,6 +80,7 @@ def test_three_tools_close_on_their_centre_by_a_squeeze() -> None:
     assert told[0] == 0.0 and np.all(np.diff(told) >= 0.0)
 
 
+@pytest.mark.kernels
 def test_they_hold_a_force_and_open_again() -> None:
     held = {"tools": NAMES, "close": 0.02, "force": 0.5, "until": {"force": 0.45, "time": 1.0}}
     reports = run([held, {"hold": 0.3}, {"tools": [*reversed(NAMES)], "open": 0.05}])
@@ -86,6 +88,7 @@ def test_they_hold_a_force_and_open_again() -> None:
     np.testing.assert_allclose(reports[-1].tool_position, around(3, 0.0365), atol=1e-9)
 
 
+@pytest.mark.kernels
 def test_they_close_about_a_point() -> None:
     """Also two of them, which are not opposite one another."""
     for names in (NAMES, NAMES[:2]):
@@ -96,6 +99,7 @@ def test_they_close_about_a_point() -> None:
             np.testing.assert_allclose(now - start, 0.002 * way / np.linalg.norm(way), atol=1e-12)
 
 
+@pytest.mark.kernels
 def test_each_moves_by_its_own_vector_and_all_arrive_together() -> None:
     ways: dict[str, list[float]] = {"a": [0.01, 0, 0.02], "b": [0, 0, 0], "c": [0, -0.005, 0]}
     reports = run([{"move": ways, "speed": 0.1}, {"hold": STEP}])
@@ -154,6 +158,7 @@ def placed(tool: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
 BOX = {"kind": "box", "size": [0.01, 0.02, 0.03], "position": [0, 0, 0.1]}
 
 
+@pytest.mark.kernels
 def test_a_turn_may_be_a_vector_or_roll_pitch_yaw_or_a_quaternion() -> None:
     """Roll about x, then pitch about y, then yaw about z, all fixed, as in URDF."""
     r, p, y = 0.3, -0.5, 1.1
@@ -190,6 +195,7 @@ def test_a_turn_that_is_none_is_refused(rotation: Any, key: str, words: str) -> 
     assert refused.value.key == key and words in str(refused.value)
 
 
+@pytest.mark.kernels
 def test_a_mesh_is_placed_by_its_files_origin() -> None:
     """And turned about it: its centre follows."""
     mesh = {"kind": "mesh", "path": "corner.obj", "scale": 0.001, "position": [0, 0, 0.1]}

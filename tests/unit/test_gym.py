@@ -37,6 +37,7 @@ def tofu() -> Iterator[TofuLift]:
     env.close()
 
 
+@pytest.mark.kernels
 def test_gymnasium_finds_nothing_to_object(tofu: TofuLift) -> None:
     """Its own checks: spaces, seeds, determinism, what `reset` and `step` return."""
     with warnings.catch_warnings(record=True) as warned:
@@ -46,6 +47,7 @@ def test_gymnasium_finds_nothing_to_object(tofu: TofuLift) -> None:
     assert not told
 
 
+@pytest.mark.kernels
 def test_bad_actions_are_refused_and_change_nothing(tofu: TofuLift) -> None:
     tofu.reset(seed=0)
     seen, *_ = tofu.step([0.4, 0.0])
@@ -62,6 +64,7 @@ def test_bad_actions_are_refused_and_change_nothing(tofu: TofuLift) -> None:
     assert moved == pytest.approx(0.05 * 0.04, rel=1e-4)  # the border of the action space
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("mode", ["sync", "async"])
 def test_several_at_once(mode: str) -> None:
     """As Gymnasium runs them, in this process and in others: each sees what it sees alone."""
@@ -78,6 +81,7 @@ def test_several_at_once(mode: str) -> None:
     alone.close()
 
 
+@pytest.mark.kernels
 def test_any_scene_is_an_environment(tmp_path: Path) -> None:
     """Its moved tools, its quantities and probes; what is repeated is one step; each episode leaves a recording."""
     small = ("body.cell=0.03", "step=0.02", "duration=0.4", "probes.middle=[0, 0, 0.02]")
@@ -105,6 +109,7 @@ def test_any_scene_is_an_environment(tmp_path: Path) -> None:
     assert Recording(files[0]).counts["StepReport"] == 20
 
 
+@pytest.mark.kernels
 def test_actions_may_be_choices() -> None:
     """A subclass with another space says what each of its actions does."""
 
@@ -122,6 +127,7 @@ def test_actions_may_be_choices() -> None:
     assert heights == pytest.approx([0.0, 0.05 * 0.01])
 
 
+@pytest.mark.kernels
 def test_a_simulation_that_cannot_go_on_truncates(monkeypatch: pytest.MonkeyPatch) -> None:
     """The training goes on with the next episode, and is told why."""
     env = Lift("tofu_grasp", model="fem", settings=("body.cell=0.025", "step=0.04"))
@@ -145,6 +151,7 @@ def test_a_simulation_that_cannot_go_on_truncates(monkeypatch: pytest.MonkeyPatc
     env.close()
 
 
+@pytest.mark.kernels
 def test_a_step_without_a_solution_truncates() -> None:
     """A block that turns 160 times in a step."""
     env = Lift("tofu_grasp", model="fem", settings=("body.cell=0.025", "body.spin=[0, 0, 1e5]", "gravity=[0, 0, 0]"))
@@ -173,6 +180,7 @@ def test_the_task_of_before_names_the_one_that_took_its_place() -> None:
         gymnasium.make(NAME.replace("TofuLift", "TofuGrasp"), settings=["step=0.01"])
 
 
+@pytest.mark.kernels
 def test_without_gymnasium_the_remedy_is_named() -> None:
     code = "import sys; sys.modules['gymnasium'] = None\nimport softseam.gym"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)

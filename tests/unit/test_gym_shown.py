@@ -36,6 +36,7 @@ def actions(env: gymnasium.Env[Any, Any], count: int) -> NDArray[np.float64]:
     return np.random.default_rng(1).uniform(-0.2, 0.8, (count, *shape))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", MADE)
 def test_each_is_drawn_and_copied_with_the_same_bits(name: str) -> None:
     """In the middle of an episode; the copies' next episode is the original's, too."""
@@ -66,6 +67,7 @@ def test_each_is_drawn_and_copied_with_the_same_bits(name: str) -> None:
     env.close()
 
 
+@pytest.mark.kernels
 def test_an_environment_that_has_not_begun_or_has_failed_is_copied() -> None:
     env = TofuLift()
     other = copy.deepcopy(env)
@@ -81,6 +83,7 @@ def test_one_that_records_says_that_it_has_no_copies(tmp_path: Path) -> None:
         copy.deepcopy(TofuLift(record=tmp_path))
 
 
+@pytest.mark.kernels
 def test_gymnasium_checks_pictures_without_a_display(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     env = gymnasium.make(NAME, render_mode="rgb_array").unwrapped
@@ -100,12 +103,14 @@ def test_a_window_without_a_display_names_what_needs_none(make: Any, monkeypatch
         TofuLift(render_mode="ansi")
 
 
+@pytest.mark.kernels
 def test_a_display_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DISPLAY", ":4711")
     with pytest.raises(softseam.BadInput, match="take render_mode='rgb_array'"):
         TofuLift(render_mode="human").reset(seed=0)
 
 
+@pytest.mark.kernels
 def test_one_that_was_not_asked_to_be_shown_says_how() -> None:
     env = TofuLift(randomise=None)
     env.reset(seed=0)
@@ -116,6 +121,7 @@ def test_one_that_was_not_asked_to_be_shown_says_how() -> None:
     env.close()
 
 
+@pytest.mark.kernels
 def test_many_at_once_give_a_picture_each_and_are_copied() -> None:
     envs = gymnasium.make_vec(NAME, num_envs=3, render_mode="rgb_array")
     assert isinstance(envs, BatchEnv)
@@ -135,6 +141,7 @@ def test_many_at_once_give_a_picture_each_and_are_copied() -> None:
     envs.close()
 
 
+@pytest.mark.kernels
 def test_a_batch_is_drawn_as_its_environments_are() -> None:
     """The same piece between the same pads, by other models' surfaces: half of the pixels at most differ by a shade."""
     envs = BatchEnv(1, randomise=None, render_mode="rgb_array")
@@ -151,6 +158,7 @@ def test_a_batch_is_drawn_as_its_environments_are() -> None:
     env.close()
 
 
+@pytest.mark.kernels
 def test_wrappers_show_and_limit_what_they_wrap(tmp_path: Path) -> None:
     """A video where moviepy is installed, Gymnasium's own words where it is not."""
     env = PointCloud(TofuLift(randomise=None, render_mode="rgb_array"))
@@ -170,6 +178,7 @@ def test_wrappers_show_and_limit_what_they_wrap(tmp_path: Path) -> None:
     limited.close()
 
 
+@pytest.mark.kernels
 def test_actions_that_are_no_numbers_are_called_so() -> None:
     env = TofuLift(randomise=None)
     env.reset(seed=0)

@@ -93,6 +93,7 @@ def test_what_a_template_cannot_say_is_refused_at_its_line(
     assert str(caught.value).startswith(begins)
 
 
+@pytest.mark.kernels
 def test_the_scenes_of_both_templates_run_to_their_end() -> None:
     """The block is pressed by a tenth between plates; the sheet lies on the ball, no deeper in it than 1 mm."""
     with softseam.open("template_fem") as block:

@@ -45,6 +45,7 @@ def _spec(*inclusions: dict[str, Any]) -> BodySpec:
     return scene.body
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part["kind"])
 def test_a_part_holds_as_many_places_as_its_volume_says(part: dict[str, Any]) -> None:
     """Centre of gravity and volume, by counting 10^6 places at random: within four standard deviations."""
@@ -57,6 +58,7 @@ def test_a_part_holds_as_many_places_as_its_volume_says(part: dict[str, Any]) ->
     assert (np.abs(places[inside].mean(axis=0) - part["position"]) < 4.0 * spread).all()
 
 
+@pytest.mark.kernels
 def test_a_turned_box_is_turned_as_tools_are() -> None:
     """A quarter turn about z takes what was long along x along y; half of it, along the diagonal."""
     long = {"kind": "box", "position": (0.0, 0.0, 0.0), "size": (2.0, 0.2, 0.2)}
@@ -67,6 +69,7 @@ def test_a_turned_box_is_turned_as_tools_are() -> None:
         assert found.tolist() == [True, False]
 
 
+@pytest.mark.kernels
 def test_later_inclusions_lie_over_earlier_ones_and_take_what_they_leave_out_from_the_body() -> None:
     layer = {"shape": {"kind": "box", "position": (0, 0, 0), "size": (1, 1, 0.05)}, "material": {"density": 900.0}}
     body = build_body(block(body={"inclusions": [layer, {**CORE, "material": {"young": 1e6}}]}), {})
@@ -102,6 +105,7 @@ def test_a_bad_inclusion_is_refused_by_name(inclusion: dict[str, Any], key: str,
     assert words in str(caught.value)
 
 
+@pytest.mark.kernels
 def test_an_inclusion_that_no_cell_sees_is_refused() -> None:
     """Smaller than half a cell, or beside the body."""
     for position in ((0.0, 0.0, 0.025), (1.0, 0.0, 0.0)):
@@ -110,6 +114,7 @@ def test_an_inclusion_that_no_cell_sees_is_refused() -> None:
             build_body(block(body={"inclusions": [part]}), {})
 
 
+@pytest.mark.kernels
 def test_masses_of_an_embedded_body_follow_its_materials() -> None:
     """A ball in cells, a heavy half: mass to the accuracy of the cells, centre on the axis; all nodes have mass."""
     half = {"shape": {"kind": "box", "position": (0, 0, 1), "size": (2, 2, 1.95)}, "material": {"density": 3150.0}}
@@ -124,6 +129,7 @@ def test_masses_of_an_embedded_body_follow_its_materials() -> None:
     assert body.mean_density == pytest.approx(2100.0, rel=1e-2)
 
 
+@pytest.mark.kernels
 def test_recovered_stress_does_not_cross_a_border() -> None:
     """A stress that jumps where a material ends is recovered to the value on each side of it."""
     body = build_body(block(cell=0.0125, body={"inclusions": [{**CORE, "material": {"young": 1e6}}]}), {})
@@ -136,6 +142,7 @@ def test_recovered_stress_does_not_cross_a_border() -> None:
         np.testing.assert_allclose((nodal_recovery(body, sample, material) @ values)[border], value, rtol=1e-9)
 
 
+@pytest.mark.kernels
 def test_recovery_beside_a_border_is_linear_and_does_not_overshoot() -> None:
     """Linear fields on each side to rounding; amid a core of 32 octants the mean, where a curvature would overshoot."""
     core = {"kind": "sphere", "position": (0.0, 0.0, 0.025), "radius": 0.0125}
@@ -153,6 +160,7 @@ def test_recovery_beside_a_border_is_linear_and_does_not_overshoot() -> None:
     np.testing.assert_allclose(weights, np.where(body.octant_material.ravel() == 1, 1.0 / 32.0, 0.0), atol=1e-12)
 
 
+@pytest.mark.kernels
 def test_borders_are_drawn_where_they_bend_or_end() -> None:
     """The rim of a layer, sixteen octants around; the twelve edges of a core two octants wide; no others."""
     layer = {"shape": {"kind": "box", "position": (0, 0, 0), "size": (1, 1, 0.05)}, "material": {"density": 900.0}}
@@ -168,6 +176,7 @@ def test_borders_are_drawn_where_they_bend_or_end() -> None:
     assert len(border_lines(build_body(block(), {}))) == 0
 
 
+@pytest.mark.kernels
 def test_stress_on_the_surface_is_of_one_material() -> None:
     """What a viewer shows: no point has a mean of the two values on either side of a border."""
     layer = {"shape": {"kind": "box", "position": (0, 0, 0), "size": (1, 1, 0.05)}, "material": {"young": 1e6}}

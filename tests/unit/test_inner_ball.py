@@ -87,6 +87,7 @@ def test_others_are_not_followed(parts: tuple[dict[str, Any], ...]) -> None:
     assert ball(*parts) is None
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6])
 def test_cells_are_counted_as_they_are_built(count: int) -> None:
     asked = frame()
@@ -143,6 +144,7 @@ def test_levels_of_a_reference_have_three_cells_and_more_across_the_box() -> Non
     assert len({tiny.across_ball(tiny.across(a)) for a in levels_of(tiny)}) > 4, "a small ball's cells are refined, too"
 
 
+@pytest.mark.kernels
 def test_a_smooth_border_is_drawn_as_a_net() -> None:
     """Of six patches of 3 x 3 cells, two octants each way; none of its edges bends enough for a line."""
     body = built(nut(*ALONE))
@@ -151,6 +153,7 @@ def test_a_smooth_border_is_drawn_as_a_net() -> None:
     np.testing.assert_allclose(np.linalg.norm(ends - (0.0, 0.0, 0.025), axis=2), 0.0125, rtol=1e-3)
 
 
+@pytest.mark.kernels
 def test_a_seam_is_refused_with_what_to_do() -> None:
     with pytest.raises(SceneRefused, match=r"body\.shape\.borders.*leave out regions\.near, or `borders`"):
         nut("body.shape.borders=materials")
@@ -164,6 +167,7 @@ def test_the_ball_s_box_is_no_border() -> None:
     assert material_borders((0.05, 0.05, 0.05), body.position, body.inclusions) == ((), (), ())
 
 
+@pytest.mark.kernels
 def test_check_tells_of_a_staircase(tmp_path: Path) -> None:
     def told(*settings: str) -> str:
         path = tmp_path / "scene.yaml"

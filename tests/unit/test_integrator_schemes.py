@@ -19,6 +19,8 @@ from softseam_services.fem.integrators.scheme import (
     finish,
 )
 
+pytestmark = pytest.mark.kernels
+
 EULER = Scheme(IMPLICIT_EULER, np.ones(1), 0)
 BACKWARD = Scheme(BDF2, np.ones(1), bdf2.N_HISTORY)
 TRAPEZOIDAL = Scheme(GENERALISED_ALPHA, newmark.parameters(), generalised_alpha.N_HISTORY)

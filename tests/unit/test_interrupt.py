@@ -16,6 +16,8 @@ from softseam.errors import SimulationFailed
 from softseam.interrupt import Ended, Interrupt
 from softseam_studies.study.measure import measure
 
+pytestmark = pytest.mark.kernels
+
 SCENE = """\
 softseam: 1
 name: cube

@@ -47,6 +47,7 @@ def _plain(x):  # type: ignore[no-untyped-def]
     return _highest(x) + _middle(x)
 
 
+@pytest.mark.kernels
 def test_kernels_call_each_other_and_answer_python() -> None:
     x = np.array([1.0, 2.0])
     assert _highest(x) == 18.0 + 6.0 + 2.0
@@ -85,6 +86,7 @@ def test_parts_are_linked_whatever_their_order(order: tuple[int, ...]) -> None:
     assert [f.name for f in whole.functions if f.is_declaration] == ["abs"]
 
 
+@pytest.mark.kernels
 def test_only_what_python_calls_becomes_machine_code() -> None:
     """Of three kernels that call each other, two specialisations of the middle one: one whole, which holds all."""
 
@@ -163,6 +165,7 @@ FEM 76,500 with AVX-512, of XPBD 109,700.
 """
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["fem", "pbd"])
 def test_a_start_compiles_no_more_than_it_did(model: str) -> None:

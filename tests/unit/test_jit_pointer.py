@@ -13,6 +13,8 @@ from numba.core.errors import TypingError
 
 from softseam_services.jit import Prototype, PrototypeError, njit
 
+pytestmark = pytest.mark.kernels
+
 SHEAR = Prototype("shear of a row", {"scale": float, "n": int, "x": ("n",), "F": (2, 2)}, returns=2)
 call = SHEAR.call
 

@@ -52,18 +52,21 @@ def _fill(o):  # type: ignore[no-untyped-def]
     return o.matrix[2, 1]
 
 
+@pytest.mark.kernels
 def test_a_kernel_reads_what_python_reads() -> None:
     for o in (outer(), outer(on=False, scale=float("inf"), n=2**40)):
         expected = (o.matrix[3, 2], 4, True, False, -7.0, o.scale, o.n, o.on, 432)
         assert _read(o) == expected
 
 
+@pytest.mark.kernels
 def test_a_kernel_writes_into_the_same_arrays() -> None:
     o = outer()
     assert _fill(o) == -0.5 * o.matrix[2, 0] == o.matrix[2, 1]
     assert o.inner.values[0] == -6.0
 
 
+@pytest.mark.kernels
 def test_a_record_is_fixed_but_can_be_replaced() -> None:
     o = outer()
     with pytest.raises(AttributeError, match=r"Outer\.scale is fixed"):
@@ -103,6 +106,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.kernels
 def test_kernels_of_records_come_from_the_cache(tmp_path: Path) -> None:
     (tmp_path / "total_of.py").write_text(KERNEL)
     runs = [
@@ -130,6 +134,7 @@ def scaled(rows: Any, which: Any) -> None:
             rows[row].x[i] *= rows[row].factor
 
 
+@pytest.mark.kernels
 def test_rows_of_records_are_taken_by_place() -> None:
     """Kernels change the arrays of the rows that they are to, whatever their lengths; rows of two types are refused."""
     arrays = [np.ones(n + 1) for n in range(3)]

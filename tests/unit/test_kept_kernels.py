@@ -69,6 +69,7 @@ DAMAGES: dict[str, Callable[[bytes], bytes]] = {
 }
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("njit", BOTH)
 @pytest.mark.parametrize("ending", [".nbi", ".1.nbc"])
 @pytest.mark.parametrize("damage", DAMAGES)
@@ -87,6 +88,7 @@ def test_a_damaged_file_is_written_anew(
     assert len(told.records) == 1
 
 
+@pytest.mark.kernels
 def test_of_many_damaged_files_one_is_told(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
     tiny = Tiny(tmp_path)
     more = tiny.start()
@@ -109,6 +111,7 @@ def test_no_byte_may_change(tmp_path: Path, told: pytest.LogCaptureFixture) -> N
             assert kept_kernels._read(path) is None
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("ending", [".nbi", ".1.nbc"])
 def test_a_file_that_is_missing_is_no_news(ending: str, tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
     tiny = Tiny(tmp_path)
@@ -119,6 +122,7 @@ def test_a_file_that_is_missing_is_no_news(ending: str, tmp_path: Path, told: py
     assert tiny.file(ending).exists() and told.records == []
 
 
+@pytest.mark.kernels
 def test_code_for_other_types_is_not_taken(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
     """As when two processes write their entries under one name."""
     tiny = Tiny(tmp_path)
@@ -131,6 +135,7 @@ def test_code_for_other_types_is_not_taken(tmp_path: Path, told: pytest.LogCaptu
     assert told.records == []
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("njit", BOTH)
 def test_on_a_full_disk_kernels_stay_in_memory(njit: str, tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
     more = Tiny(tmp_path, njit).start()
@@ -140,6 +145,7 @@ def test_on_a_full_disk_kernels_stay_in_memory(njit: str, tmp_path: Path, told: 
     assert len(told.records) == 1 and "File too large" in told.text
 
 
+@pytest.mark.kernels
 def test_a_full_disk_brings_no_old_code_back(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
     """An index has room where an entry has none: it must not name what an older source left."""
     tiny = Tiny(tmp_path)
@@ -151,6 +157,7 @@ def test_a_full_disk_brings_no_old_code_back(tmp_path: Path, told: pytest.LogCap
     assert tiny.start(step=2)(1) == 3
 
 
+@pytest.mark.kernels
 def test_a_folder_that_vanished_is_made_again(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
     tiny = Tiny(tmp_path)
     more = tiny.start()
@@ -159,6 +166,7 @@ def test_a_folder_that_vanished_is_made_again(tmp_path: Path, told: pytest.LogCa
     assert tiny.file(".nbi").exists() and told.records == []
 
 
+@pytest.mark.kernels
 def test_a_folder_that_can_no_longer_be_written_is_told(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
     tiny = Tiny(tmp_path)
     more = tiny.start()
@@ -168,6 +176,7 @@ def test_a_folder_that_can_no_longer_be_written_is_told(tmp_path: Path, told: py
     assert len(told.records) == 1
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("njit", BOTH)
 def test_without_any_folder_kernels_stay_in_memory(
     njit: str, tmp_path: Path, told: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch

@@ -72,6 +72,7 @@ REFUSED: dict[str, tuple[list[dict[str, Any]], dict[str, Any], str]] = {
 }
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_a_ladder_cannot_do_is_refused(case: str) -> None:
     rungs, keys, words = REFUSED[case]
@@ -95,6 +96,7 @@ def test_it_is_not_recorded(tmp_path: Path) -> None:
         softseam.open(scene([{"kind": "fine"}]), record=tmp_path / "ladder.mcap")
 
 
+@pytest.mark.kernels
 def test_a_rung_that_fails_leaves_the_body_where_it_was() -> None:
     """The step raises what the rung raised; the body stands, and is asked as before where the ladder lets it."""
     with softseam.open(scene([{"kind": "fine"}, {"kind": "fine", "after": 0.025}])) as sim:

@@ -98,6 +98,7 @@ def test_all_counts_that_cells_can_have_are_found_again(planes: tuple[float, ...
         assert wanted is not None and cells_along(1.0, wanted, planes) == count, across
 
 
+@pytest.mark.kernels
 def test_a_block_ends_its_cells_where_materials_meet() -> None:
     """And each cell is of one material; without the key the border lies in the middle of cells."""
     asked = built(layers(0.013, "body.shape.borders=materials"))
@@ -107,6 +108,7 @@ def test_a_block_ends_its_cells_where_materials_meet() -> None:
     assert 0.013 not in ends(plain, 2) and not (plain.octant_material == plain.octant_material[:, :1]).all()
 
 
+@pytest.mark.kernels
 def test_equal_cells_that_fit_are_those_of_a_plain_block() -> None:
     """Bit for bit, on the path of boxes of one size."""
     plain, asked = built(layers(0.02)), built(layers(0.02, "body.shape.borders=materials"))
@@ -114,6 +116,7 @@ def test_equal_cells_that_fit_are_those_of_a_plain_block() -> None:
     assert (asked.octant_material == plain.octant_material).all()
 
 
+@pytest.mark.kernels
 def test_grading_and_planes_of_tools_keep_the_borders() -> None:
     asked = built(layers(0.02, "body.shape.borders=materials", "body.shape.towards=[plate]", "body.cell=0.01"))
     assert {0.02, 0.024, 0.036} <= set(ends(asked, 2))
@@ -122,6 +125,7 @@ def test_grading_and_planes_of_tools_keep_the_borders() -> None:
     assert 0.02 in ends(thin, 2) and widths[0] < widths[1] and widths[3] < widths[2], "thin at faces and at the border"
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("border", [0.02, 0.013])
 def test_a_sweep_s_cells_end_where_materials_meet(border: float) -> None:
     """All of them: also odd counts, those towards a tool's edges and graded ones. The scene's own are left as they
@@ -134,6 +138,7 @@ def test_a_sweep_s_cells_end_where_materials_meet(border: float) -> None:
         assert np.isclose(ends(built(with_settings(scene, settings)), 2), border).any(), settings
 
 
+@pytest.mark.kernels
 def test_a_sweep_names_the_cells_that_a_body_has() -> None:
     for border in (0.02, 0.013):
         frame = Frame(layers(border), EDGES)
@@ -187,6 +192,7 @@ def test_levels_are_alike_only_where_every_piece_is_divided_alike() -> None:
     ), "2+6 of 1+3, not of 1+2"
 
 
+@pytest.mark.kernels
 def test_check_tells_of_borders_inside_cells(tmp_path: Path) -> None:
     def told(scene: Scene) -> str:
         path = tmp_path / "scene.yaml"

@@ -43,6 +43,7 @@ def test_a_face_of_too_many_corners_is_refused() -> None:
         read_surface("a.obj", star(30_000)[1])
 
 
+@pytest.mark.kernels
 def test_a_round_face_of_many_corners_is_judged_at_once() -> None:
     """Fans of a disc's corners would all be near one another: ten seconds."""
     n = 8_000

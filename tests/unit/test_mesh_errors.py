@@ -71,6 +71,7 @@ def test_one_sided_surface() -> None:
     refused(np.random.default_rng(0).uniform(size=(n * m, 3)), triangles, "one-sided")
 
 
+@pytest.mark.kernels
 def test_self_crossing() -> None:
     """Of three bodies the least may be a cavity, so that they are not united (see test_mesh_unions)."""
     one, two = box((0.04, 0.03, 0.02)), box((0.02, 0.01, 0.03), (0.01, 0.011, -0.005))
@@ -80,12 +81,14 @@ def test_self_crossing() -> None:
     refused(*join(one, box((0.04, 0.03, 0.02), (0.02, 0.015, 0.01)), either), "crosses itself")
 
 
+@pytest.mark.kernels
 def test_touching_itself_is_no_crossing() -> None:
     """A finely meshed sphere and a box have no crossing."""
     read(*sphere(0.02, 4))
     read(CUBE, CUBE_TRIANGLES)
 
 
+@pytest.mark.kernels
 def test_pieces_and_cavities() -> None:
     apart = box((0.01, 0.01, 0.01), (0.1, 0, 0))
     refused(*join((CUBE, CUBE_TRIANGLES), apart), "disconnected", "2 separate bodies", "1e-06 m^3")
@@ -97,6 +100,7 @@ def test_pieces_and_cavities() -> None:
     assert notes == ("1 shells were turned inside out to face outward",)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("seed", range(3))
 def test_orientation_is_repaired(seed: int) -> None:
     turned = CUBE_TRIANGLES.copy()
@@ -107,12 +111,14 @@ def test_orientation_is_repaired(seed: int) -> None:
     assert any("turned" in note for note in notes)
 
 
+@pytest.mark.kernels
 def test_inside_out() -> None:
     vertices, triangles, notes = read(CUBE, CUBE_TRIANGLES[:, [0, 2, 1]])
     assert enclosed_volume(vertices, triangles) > 0
     assert notes
 
 
+@pytest.mark.kernels
 def test_sizes_of_the_wrong_unit() -> None:
     refused(1e5 * CUBE, CUBE_TRIANGLES, "4e+03 m long", "scale")
     refused(1e-3 * CUBE, CUBE_TRIANGLES, "4e-05 m long", "scale")
@@ -121,11 +127,13 @@ def test_sizes_of_the_wrong_unit() -> None:
     )
 
 
+@pytest.mark.kernels
 def test_no_volume() -> None:
     refused(CUBE * [1, 1, 0], CUBE_TRIANGLES, "in a plane", "give it a thickness")
     refused(CUBE * [1, 1, 1e-6], CUBE_TRIANGLES, "next to nothing")
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("up", ["x", "y", "z"])
 def test_up_turns_without_mirroring(up: str) -> None:
     vertices, triangles, _ = read_solid("a.obj", obj(CUBE, CUBE_TRIANGLES), 1.0, up)
@@ -135,6 +143,7 @@ def test_up_turns_without_mirroring(up: str) -> None:
     assert vertices[:, 2].min() == 0.0
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("suffix", [".vtk", ".vtu", ".msh"])
 def test_tetrahedra_with_other_cells_and_stray_points(suffix: str) -> None:
     """As real exports: volume, faces, lines and vertices in one file, and points that nothing uses."""
@@ -151,6 +160,7 @@ def test_tetrahedra_with_other_cells_and_stray_points(suffix: str) -> None:
     assert "boundary of the tetrahedra" in notes[0]
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj"])
 def test_surface_files(suffix: str) -> None:
     vertices, triangles, _ = read_solid("m" + suffix, tets(CUBE, [("triangle", CUBE_TRIANGLES)], suffix), 1.0, "z")
@@ -158,6 +168,7 @@ def test_surface_files(suffix: str) -> None:
     assert len(vertices) == 8
 
 
+@pytest.mark.kernels
 def test_tetrahedra_numbered_in_either_sense_are_turned() -> None:
     for turned in ([0, 1, 2, 3, 4, 5], [2], [1, 4, 5]):
         some = KUHN.copy()
@@ -176,6 +187,7 @@ def test_tetrahedra_that_fold_over_are_refused() -> None:
         read_solid("m.vtk", tets(inner, [("tetra", fan)], ".vtk"), 1.0, "z")
 
 
+@pytest.mark.kernels
 def test_flat_and_doubled_tetrahedra_do_no_harm_to_the_surface() -> None:
     flat = np.concatenate([KUHN, [[0, 1, 3, 2]]])
     vertices, triangles, notes = read_solid("m.vtk", tets(CUBE, [("tetra", flat)], ".vtk"), 1.0, "z")
@@ -217,6 +229,7 @@ def test_files_that_are_no_meshes(path: str, data: bytes, words: str, capfd: pyt
     assert out + err == ""
 
 
+@pytest.mark.kernels
 def test_hexahedra_are_embedded_by_their_boundary() -> None:
     hexahedron = np.array([[0, 1, 3, 2, 4, 5, 7, 6]])
     vertices, triangles, _ = read_solid("m.vtk", tets(CUBE, [("hexahedron", hexahedron)], ".vtk"), 1.0, "z")
@@ -237,6 +250,7 @@ def built(**shape: object) -> Body:
     return build_body(scene(**shape), {"a.obj": obj(CUBE, CUBE_TRIANGLES)})
 
 
+@pytest.mark.kernels
 def test_missing_file_and_too_many_cells() -> None:
     with pytest.raises(MeshError, match=r"a\.obj: the file is missing"):
         build_body(scene(), {})
@@ -244,6 +258,7 @@ def test_missing_file_and_too_many_cells() -> None:
         built(scale=1000.0)
 
 
+@pytest.mark.kernels
 def test_a_box_as_mesh_is_the_block() -> None:
     body = built()
     points = rest_points(body)
@@ -258,6 +273,7 @@ def test_a_box_as_mesh_is_the_block() -> None:
     assert body.surface.area.sum() == pytest.approx(block.surface.area.sum(), rel=1e-12)
 
 
+@pytest.mark.kernels
 def test_fine_surfaces_carry_contact_on_a_subset_only() -> None:
     body = build_body(scene(), {"a.obj": obj(*sphere(0.02, 7))})
     carrying = body.surface.area > 0

@@ -241,6 +241,7 @@ def mixed_cells(height: float) -> tuple[np.ndarray, list[tuple[str, np.ndarray]]
     ]
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("height", [0.3, 1.0, 2.5])
 @pytest.mark.parametrize("suffix", [".vtk", ".vtu", ".msh"])
 def test_cells_of_several_kinds(suffix: str, height: float) -> None:
@@ -253,6 +254,7 @@ def test_cells_of_several_kinds(suffix: str, height: float) -> None:
     assert notes == ()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("height", [0.3, 1.0, 2.5])
 @pytest.mark.parametrize("tets", [[[0, 1, 2, 8], [0, 2, 3, 8]], [[1, 2, 3, 8], [1, 3, 0, 8]]])
 def test_tetrahedra_on_a_hexahedron_without_a_pyramid_between(tets: list[list[int]], height: float) -> None:

@@ -68,6 +68,7 @@ FILES = {
 }
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("name", "data"), FILES.values(), ids=FILES.keys())
 def test_one_is_taken_by_name_or_by_number(name: str, data: bytes) -> None:
     names = ["large", "small"] if name == "a.msh" else ["large", "ball", "small"]
@@ -85,6 +86,7 @@ def test_one_is_taken_by_name_or_by_number(name: str, data: bytes) -> None:
             read_solid(name, data, 1.0, "z", part)
 
 
+@pytest.mark.kernels
 def test_what_is_left_out_is_said() -> None:
     open_box = (SMALL[0] + [0.0, 0.2, 0.0], SMALL[1][2:])
     data = obj(*join(LARGE, SMALL, open_box))
@@ -94,6 +96,7 @@ def test_what_is_left_out_is_said() -> None:
     assert read_solid("a.obj", obj(*LARGE), 1.0, "z", 1)[2] == ()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("size", [1e-4, 3e-5, 1e-6])
 def test_dust_is_left_out(size: float) -> None:
     dust = box((size, size, size), (0.1, 0.0, 0.0))
@@ -104,6 +107,7 @@ def test_dust_is_left_out(size: float) -> None:
     assert notes == ("1 bodies of less than a millionth of the volume were left out",)
 
 
+@pytest.mark.kernels
 def test_a_body_keeps_its_cavities() -> None:
     cavity = box((0.02, 0.01, 0.01), (0.01, 0.01, 0.005))
     data = obj(*join(SMALL, LARGE, cavity))
@@ -111,6 +115,7 @@ def test_a_body_keeps_its_cavities() -> None:
     assert enclosed_volume(vertices, triangles) == pytest.approx(2.4e-5 - 2e-6, rel=1e-12)
 
 
+@pytest.mark.kernels
 def test_bodies_that_cross_are_told_apart() -> None:
     """Whether all are united, or, with another that may be a cavity, none."""
     crossing = join(LARGE, box((0.02, 0.01, 0.03), (0.01, 0.011, -0.005)))
@@ -148,6 +153,7 @@ def scene(part: object) -> Scene:
     )
 
 
+@pytest.mark.kernels
 def test_in_a_scene() -> None:
     files = {"a.obj": named_obj("o")}
     for part, size in (("small", [0.01, 0.02, 0.01]), (1, [0.04, 0.03, 0.02])):
@@ -162,6 +168,7 @@ def test_in_a_scene() -> None:
     assert '"part":' not in scene(None).model_dump_json(), "scenes without it keep their hash"
 
 
+@pytest.mark.kernels
 def test_notes_name_their_file() -> None:
     points, triangles = LARGE
     data = obj(points, np.concatenate([triangles, triangles[:1]]))

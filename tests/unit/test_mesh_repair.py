@@ -41,6 +41,7 @@ def test_what_is_sound_stays_as_it_is(solid: Mesh) -> None:
     assert found.notes == ()
 
 
+@pytest.mark.kernels
 @EACH
 def test_doubles_are_left_out(solid: Mesh) -> None:
     vertices, triangles = solid
@@ -55,6 +56,7 @@ def test_doubles_are_left_out(solid: Mesh) -> None:
     assert read(vertices, both_sides)[0] == pytest.approx(volume, rel=1e-12)
 
 
+@pytest.mark.kernels
 @EACH
 def test_a_fin_without_thickness_is_left_out(solid: Mesh) -> None:
     vertices, triangles = solid
@@ -66,6 +68,7 @@ def test_a_fin_without_thickness_is_left_out(solid: Mesh) -> None:
     assert notes == ("2 triangles that were there twice were left out",)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("size", [(0.04, 0.03, 0.02), (0.3, 0.1, 0.01), (1.0, 1.0, 1.0)])
 def test_a_wall_between_touching_solids_unites_them(size: tuple[float, float, float]) -> None:
     below, above = box(size), box(size, (0.0, 0.0, size[2]))
@@ -74,6 +77,7 @@ def test_a_wall_between_touching_solids_unites_them(size: tuple[float, float, fl
     assert any("triangles that were there twice were left out" in note for note in notes)
 
 
+@pytest.mark.kernels
 @EACH
 @pytest.mark.parametrize("gap", [1e-6, 1e-5, 1e-4])
 def test_points_that_nearly_coincide_are_welded(solid: Mesh, gap: float) -> None:
@@ -100,6 +104,7 @@ def test_a_wide_gap_is_no_double_point() -> None:
     refused(lid, apart, "open edges", "close the holes")
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("at", [0.5, 0.3, 0.01])
 def test_edges_are_split_at_points_that_lie_on_them(at: float) -> None:
     """One face of a box has a point more on an edge than its neighbour."""
@@ -111,6 +116,7 @@ def test_edges_are_split_at_points_that_lie_on_them(at: float) -> None:
     assert notes == ("1 open edges were split at points that lie on them",)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("level", [3, 4, 5])
 def test_pinholes_are_closed(level: int) -> None:
     vertices, triangles = sphere(0.03, level)
@@ -127,6 +133,7 @@ def test_pinholes_are_closed(level: int) -> None:
         assert f"a pinhole of {int(around.sum())} edges" in notes[0]
 
 
+@pytest.mark.kernels
 def test_what_was_repaired_before_a_refusal_is_said() -> None:
     """A spike through a pinhole: what closes it is crossed."""
     vertices, triangles = sphere(0.03, 4)
@@ -146,6 +153,7 @@ def test_large_holes_are_not_closed() -> None:
     refused(*(SOLIDS["box"][0], SOLIDS["box"][1][1:]), "3 open edges")
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("at", [0.5, 0.25, 0.9])
 def test_triangles_without_area_are_joined_to_their_neighbours(at: float) -> None:
     """A cap: three corners on a line, between two faces of a box."""
@@ -172,6 +180,7 @@ def test_triangles_with_a_corner_twice_enclose_nothing() -> None:
     refused(SOLIDS["box"][0], lines, "encloses nothing (4 triangles with a corner twice")
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("size", [0.02, 0.013, 0.03])
 def test_a_solid_that_touches_itself_along_an_edge(size: float) -> None:
     """A ring of boxes of which two meet at an edge only: one body, whose edge has four triangles."""
@@ -197,6 +206,7 @@ def test_a_solid_that_touches_itself_along_an_edge(size: float) -> None:
     assert notes == ("1 edges along which the surface touches itself were parted",)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("extent", "scale", "words"),
     [

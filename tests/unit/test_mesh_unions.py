@@ -12,6 +12,8 @@ from softseam_services.body.embed import read_solid
 from softseam_services.body.errors import MeshError
 from softseam_services.body.surface_check import enclosed_volume
 
+pytestmark = pytest.mark.kernels
+
 Mesh = tuple[np.ndarray, np.ndarray]
 CUBE = box((0.04, 0.03, 0.02))
 TURN = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]

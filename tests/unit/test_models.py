@@ -132,6 +132,7 @@ def test_commands_offer_it(grains: str, tmp_path: Path) -> None:
     assert expected() == (NEAR_DEFAULT, FAR_DEFAULT, grains, "orchestrator", "recorder")
 
 
+@pytest.mark.kernels
 def test_a_service_from_outside_answers_for_it(milled: str, tmp_path: Path) -> None:
     assert service_of(milled) == "mill"
     assert milled not in roles() and "mill" in expected()
@@ -151,6 +152,7 @@ def test_a_model_without_a_solver_fails_at_start_by_name(grains: str) -> None:
         check_tables()
 
 
+@pytest.mark.kernels
 def test_its_solver_is_stepped_like_any(solved: str) -> None:
     check_tables()
     bundle = Bundle(warm_scene(solved).model_dump_json(), {})

@@ -86,6 +86,7 @@ def _follow(near: NearCells, sides: Parts, distance: NDArray[np.float64]) -> str
     return near.follow(sides, cast("dict[str, Advanced]", replies))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("cells", "split", "n_near"), [(SMALL, "when_cheaper", 3), (SMALL, "always", 1), (LONG, "when_cheaper", 8)]
 )
@@ -95,6 +96,7 @@ def test_a_body_is_cut_where_that_is_cheaper(cells: tuple[int, int, int], split:
     assert np.count_nonzero(near.mask) == n_near
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("cells", "models", "whole"),
     [
@@ -113,6 +115,7 @@ def test_what_the_models_are_told_to_do_has_its_price(
     assert near.mask.all() == whole
 
 
+@pytest.mark.kernels
 def test_all_cells_are_lowered_once_the_tool_has_left() -> None:
     near, sides = _near(SMALL, "when_cheaper", CHEAP)
     assert near.mask.all() and not near.enough
@@ -123,6 +126,7 @@ def test_all_cells_are_lowered_once_the_tool_has_left() -> None:
     assert near.mask.all()
 
 
+@pytest.mark.kernels
 def test_a_small_body_has_one_model_whatever_tools_do() -> None:
     """Also where they never come: fem on three cells costs no more than pbd."""
     near, sides = _near(SMALL, "when_cheaper")
@@ -139,6 +143,7 @@ def test_a_small_body_has_one_model_whatever_tools_do() -> None:
     assert near.mask.all() and near.enough  # let go of by the tool
 
 
+@pytest.mark.kernels
 def test_a_body_saved_before_a_tool_came_goes_on_as_it_was() -> None:
     """As versions saved it that had pbd until then."""
     near, _ = _near(SMALL, "when_cheaper")
@@ -149,6 +154,7 @@ def test_a_body_saved_before_a_tool_came_goes_on_as_it_was() -> None:
     assert "one model is enough" in _follow(near, FAR_ALONE, TOUCHED) and near.mask.all()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("cells", "models"),
     [(SMALL, {}), (FEW, {}), ((3, 3, 2), {"pbd": {"sweeps": 4}}), (MIDDLING, {"pbd": {"substeps": 40}})],
@@ -167,6 +173,7 @@ def test_where_one_model_is_enough_no_cut_is_cheaper(cells: tuple[int, int, int]
     assert one_is_enough(body, near._models, 0.01, True) <= 1.0
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("name", "keys", "enough"),
     [
@@ -194,6 +201,7 @@ def test_one_model_is_enough_where_tools_would_ask_for_it(name: str, keys: list[
     assert bool(NearCells(setup.scene, setup.body, setup.tools).enough) == enough
 
 
+@pytest.mark.kernels
 def test_a_cut_made_by_hand_and_a_spared_one_survive_a_snapshot() -> None:
     near, _ = _near(SMALL, "when_cheaper")
     for mask in (near.mask.copy(), np.array([True, False, False])):
@@ -204,6 +212,7 @@ def test_a_cut_made_by_hand_and_a_spared_one_survive_a_snapshot() -> None:
         assert np.array_equal(near.mask, mask)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("n_touched", [2, 3, 20])
 def test_cells_that_never_became_near_are_counted(n_touched: int) -> None:
     """A tool comes to so many columns of eight cells, the first of which are near from the start; the switch is refused
@@ -232,6 +241,7 @@ def test_every_element_has_a_price() -> None:
     assert set(DEARER) == set(ELEMENTS)
 
 
+@pytest.mark.kernels
 def test_a_tool_on_its_way_counts_as_closer() -> None:
     """9.7 mm away and 3 mm closer in a step: within 4 mm in two more, which is the default look ahead."""
     masks = []
@@ -251,6 +261,7 @@ def test_a_tool_on_its_way_counts_as_closer() -> None:
     assert masks == [0, 8, 0]
 
 
+@pytest.mark.kernels
 def test_what_is_looked_at_survives_a_snapshot() -> None:
     scene = _scene(LONG, "always", {})
     spec = scene.regions.near
@@ -271,6 +282,7 @@ def test_what_is_looked_at_survives_a_snapshot() -> None:
         other.take(arrays)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ["tofu_grasp", "tofu_slab", "silken_tofu", "cantilever", "dumpling", "sausage_bend"])
 def test_the_cost_knows_pbds_substeps(name: str) -> None:
     """Of the scenes that come along, to one in twenty: by PBD's own tables, with tools and without."""

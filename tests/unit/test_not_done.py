@@ -107,6 +107,7 @@ def pressed(motion: list[dict[str, Any]], duration: float | None = None) -> list
 CLOSE = {"tools": ["left", "right"], "close": 0.02}
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("until", "words"),
     [
@@ -123,6 +124,7 @@ def test_a_run_tells_of_tools_that_time_stopped(until: dict[str, float], words: 
     assert [words in text for text in told] == [True] if words else not told
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("duration", "words"),
     [
@@ -163,6 +165,7 @@ def closing(report: dict[str, Any]) -> list[str]:
     return [line for line in said.getvalue().splitlines() if line.startswith("not done: ")]
 
 
+@pytest.mark.kernels
 def test_the_summary_says_what_was_not_done() -> None:
     """As sentences of their own, however many other events there were of a kind."""
     told = [
@@ -177,11 +180,13 @@ def test_the_summary_says_what_was_not_done() -> None:
     assert report_of({})["not_done"] == [] == closing(report_of({}))
 
 
+@pytest.mark.kernels
 def test_a_summary_is_no_longer_than_a_page() -> None:
     lines = closing(report_of({}, [(EventKind.NOT_DONE, f"motion[{i}]: nothing") for i in range(40)]))
     assert len(lines) == 7 and lines[-1] == "not done: 34 more, see not_done in a --report"
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("until", [{"time": 0.4}, {"compression": 0.15}, {"time": 0.4, "compression": 0.2}])
 def test_tools_that_close_on_nothing_are_told_of(until: dict[str, float]) -> None:
     motion = [{**CLOSE, "until": until}, {"tools": ["left", "right"], "move": [0, 0, 0.05], "speed": 0.05}]
@@ -190,6 +195,7 @@ def test_tools_that_close_on_nothing_are_told_of(until: dict[str, float]) -> Non
     assert report_of({"motion": motion}, touching=True)["not_done"] == []
 
 
+@pytest.mark.kernels
 def test_a_phase_that_was_never_begun_has_not_failed_to_touch() -> None:
     motion = [{"hold": 0.1}, {"hold": 0.1}, {**CLOSE, "until": {"time": 0.4}}]
     assert report_of({"motion": motion}, touching=False)["not_done"] == []
@@ -215,6 +221,7 @@ MOTIONS: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("kind", FINGERS)
 @pytest.mark.parametrize(
     ("model", "how"), [(model, how) for model in BODIES for how in MOTIONS if (model, how) != ("sheet", "presses")]
@@ -275,6 +282,7 @@ def hanging(young: float, model: str, body: dict[str, Any]) -> dict[str, Any]:
     return report_by_running(hanging_scene(young, model, body, **static))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("young", [3e3, 2e4, 1e6])
 def test_rest_that_is_asked_of_fem_is_missed_by_xpbd(young: float) -> None:
     """`static` finds rest at once; the same scene by XPBD swings about it, and says so."""
@@ -284,6 +292,7 @@ def test_rest_that_is_asked_of_fem_is_missed_by_xpbd(young: float) -> None:
     assert hanging(young, "pbd", {"damping": 5.0})["not_done"] == []
 
 
+@pytest.mark.kernels
 def test_what_a_scene_damps_is_no_error_of_its_steps() -> None:
     """A block that swings too little for its steps alone is told of; one whose air drags at it is as it should be."""
     for model in ("fem", "pbd"):

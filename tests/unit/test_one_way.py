@@ -14,6 +14,7 @@ def pair(takes_impedance: bool = False) -> Chain:
     return Chain({"a": part(1, takes_impedance=takes_impedance), "b": part(2)}, [seam("a", "b")])
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("impedance", [False, True])
 def test_linear_parts_need_one_exchange_and_close_the_gap(impedance: bool) -> None:
     """lambda is what both sides' compliances ask for; forces are opposite to the last bit."""
@@ -28,6 +29,7 @@ def test_linear_parts_need_one_exchange_and_close_the_gap(impedance: bool) -> No
     np.testing.assert_allclose(outcome.multipliers, exact, rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.kernels
 def test_cross_terms_of_a_part_between_two_come_by_themselves() -> None:
     """A row of three: the middle one has nodes of both interfaces, which yield together."""
     chain = Chain({"a": part(1), "m": part(3, 6), "b": part(2)}, [seam("a", "m"), seam("m", "b", at=(3, 0))])
@@ -45,6 +47,7 @@ def test_cross_terms_of_a_part_between_two_come_by_themselves() -> None:
     np.testing.assert_allclose(outcome.multipliers.ravel(), -np.linalg.solve(total, gap), rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.kernels
 def test_weights_of_an_interface_carry_forces_as_they_carry_places() -> None:
     """A mortar: rows on a's nodes, images of b's. The interface does no work."""
     weights = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.2, 0.3, 0.5]])
@@ -57,6 +60,7 @@ def test_weights_of_an_interface_carry_forces_as_they_carry_places() -> None:
     np.testing.assert_array_equal(a.force, outcome.multipliers)
 
 
+@pytest.mark.kernels
 def test_replies_may_arrive_in_any_order() -> None:
     """The same bits."""
     ends = []
@@ -70,6 +74,7 @@ def test_replies_may_arrive_in_any_order() -> None:
     np.testing.assert_array_equal(ends[0][1], ends[1][1])
 
 
+@pytest.mark.kernels
 def test_a_part_that_yields_otherwise_than_it_says_costs_exchanges_not_accuracy() -> None:
     """By a half: what it does is found out, and learned for the steps to come. It says so again only if it is asked."""
     chain = Chain({"a": part(1), "b": part(2, claims=0.5)}, [seam("a", "b")])
@@ -81,6 +86,7 @@ def test_a_part_that_yields_otherwise_than_it_says_costs_exchanges_not_accuracy(
     assert all(outcome.agreed for outcome in outcomes)
 
 
+@pytest.mark.kernels
 def test_a_part_that_yields_backwards_in_some_directions_is_told_of_as_one_that_resists() -> None:
     """As XPBD of stone says after too few sweeps: with an impedance that pushes the near side could not be solved."""
     far = part(2)
@@ -93,6 +99,7 @@ def test_a_part_that_yields_backwards_in_some_directions_is_told_of_as_one_that_
     assert all(outcome.agreed and outcome.gap <= TOLERANCE for outcome in outcomes)
 
 
+@pytest.mark.kernels
 def test_parts_that_cannot_be_corrected_are_redone_until_the_gap_is_closed() -> None:
     chain = Chain({"a": part(1, corrects=False, bend=0.3), "b": part(2)}, [seam("a", "b")])
     for _ in range(6):
@@ -101,6 +108,7 @@ def test_parts_that_cannot_be_corrected_are_redone_until_the_gap_is_closed() -> 
     assert largest(chain.parts["a"].x - chain.parts["b"].x) <= TOLERANCE
 
 
+@pytest.mark.kernels
 def test_what_is_not_finite_diverges_and_leaves_the_loop_as_it_was() -> None:
     """A step that fails and is taken again is the step of a loop that never failed, bit for bit."""
     failed, whole = pair(takes_impedance=True), pair(takes_impedance=True)
@@ -119,6 +127,7 @@ def test_what_is_not_finite_diverges_and_leaves_the_loop_as_it_was() -> None:
     assert one.exchanges == other.exchanges
 
 
+@pytest.mark.kernels
 def test_a_step_that_will_not_agree_is_refused_where_it_may_be() -> None:
     chain = Chain({"a": part(1, corrects=False, bend=40.0), "b": part(2)}, [seam("a", "b")], most=2)
     chain.parts["a"].way *= 40.0
@@ -135,6 +144,7 @@ def test_a_part_that_tells_no_compliance_is_refused_by_name_with_the_remedy() ->
         OneWay(chain.setup).begin({"a": chain.able["a"]})
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("before_it_begins", [True, False])
 def test_a_loop_goes_on_from_its_arrays(before_it_begins: bool) -> None:
     """As one that took a snapshot does, bit for bit."""

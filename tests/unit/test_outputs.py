@@ -34,6 +34,7 @@ def scene(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.kernels
 def test_files_that_a_scene_reads_are_no_outputs(scene: Path) -> None:
     """Also by another name: a link, or a way round."""
     inputs = inputs_of(scene)

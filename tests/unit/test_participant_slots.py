@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.participant import (
@@ -19,6 +20,8 @@ from softseam_protocol.messages.participant import (
 from softseam_protocol.participant.requests import SLOTS_KEPT
 from softseam_protocol.scene.scene import Scene
 from softseam_services.server import ParticipantServer
+
+pytestmark = pytest.mark.kernels
 
 SCENE = Scene.model_validate(
     {

@@ -148,6 +148,7 @@ def test_cells_are_not_gripped_and_have_no_classic_stiffness() -> None:
     assert "only sheets" in refusal(text + "duration: 1\nquantities: [held]\n").problem
 
 
+@pytest.mark.kernels
 def test_a_participant_of_fem_refuses_a_sheet() -> None:
     scene = parse_scene(SHEET)
     header = Header(SCHEMA_VERSION, "s", "far", 0, 0, 0, 0.0)
@@ -157,6 +158,7 @@ def test_a_participant_of_fem_refuses_a_sheet() -> None:
     assert "only pbd can" in reply.message
 
 
+@pytest.mark.kernels
 def test_a_participant_tells_the_energies_that_a_sheet_begins_with() -> None:
     scene = parse_scene(SHEET + "  velocity: [0, 0, 0.3]\n")
     header = Header(SCHEMA_VERSION, "s", "far", 0, 0, 0, 0.0)
@@ -167,6 +169,7 @@ def test_a_participant_tells_the_energies_that_a_sheet_begins_with() -> None:
     assert reply.strain == pytest.approx(0.0, abs=1e-15) and reply.gravity == pytest.approx(0.0, abs=1e-15)
 
 
+@pytest.mark.kernels
 def test_tools_must_start_clear_of_particles() -> None:
     body = {"kind": "rope", "length": 1.0, "divisions": 10, "density": 0.1, "stretch": 10.0, "radius": 0.01}
     tools: dict[str, Any] = {"ball": {"kind": "sphere", "radius": 0.1, "position": (0.0, 0.0, 0.105)}}
@@ -176,6 +179,7 @@ def test_tools_must_start_clear_of_particles() -> None:
     ParticleRun(particle_scene(body, tools=tools))
 
 
+@pytest.mark.kernels
 def test_skins_are_closed() -> None:
     """A sheet's encloses area times thickness, a rope's the prism of its ring; both for any turn of the body."""
     x = np.stack(np.meshgrid(np.linspace(0, 0.2, 5), np.linspace(0, 0.1, 4), [0.0]), axis=-1).reshape(-1, 3)
@@ -188,6 +192,7 @@ def test_skins_are_closed() -> None:
     assert skin.share.sum() == pytest.approx(9.0)
 
 
+@pytest.mark.kernels
 def test_batches_share_no_particle_and_leave_nothing_out() -> None:
     rng = np.random.default_rng(2)
     nodes = np.array([rng.choice(50, 3, replace=False) for _ in range(300)], dtype=np.int32)
@@ -202,6 +207,7 @@ def test_batches_share_no_particle_and_leave_nothing_out() -> None:
     assert np.array_equal(made.back(made.lanes(values)), values)
 
 
+@pytest.mark.kernels
 def test_automatic_substeps_keep_a_hanging_sheet_short() -> None:
     """What the rule promises: unfinished sweeps stretch a sheet that hangs by an edge by no more than 0.5 %."""
     body = {
@@ -241,6 +247,7 @@ quantities: [held, worst_stretch]
 """
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 def test_a_fold_is_recorded_drawn_and_simulated_again(tmp_path: Path) -> None:
     """Grips are in the recording: the same steps come out, bit for bit; pictures show the stretch."""
@@ -260,6 +267,7 @@ def test_a_fold_is_recorded_drawn_and_simulated_again(tmp_path: Path) -> None:
     assert len(draw_pictures(recording, tmp_path)) == 3
 
 
+@pytest.mark.kernels
 def test_a_client_grips_by_a_seventh_number() -> None:
     """And a saved state remembers: what goes on from it holds on."""
     with softseam.open(parse_scene(FOLD)) as session:

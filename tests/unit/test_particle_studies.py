@@ -10,6 +10,8 @@ from rich.console import Console
 from softseam_studies.study.plan_command import Wishes, find
 from softseam_studies.study.study import reference_of, study_of
 
+pytestmark = pytest.mark.kernels
+
 SHORT = ("motion=[{tools: [left, right], grip: 0.0}, {hold: 0.2}]", "quantities=[sag]")
 
 

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from particle_run import ParticleRun, particle_scene
 
+pytestmark = pytest.mark.kernels
+
 
 def test_a_corner_is_folded() -> None:
     """A few particles between gripper and ground, layers in touch: finite, held, nothing leaves the arrays."""

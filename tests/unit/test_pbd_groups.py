@@ -15,6 +15,8 @@ from softseam_services.pbd.kernels.pairs import EIGHT, find_pairs, look_ahead, p
 from softseam_services.pbd.kernels.tool_motion import tool_motions
 from softseam_services.pbd.records import Contacts, new_contacts, new_inputs
 
+pytestmark = pytest.mark.kernels
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 MARGIN, H = 1e-3, 4e-4

@@ -17,6 +17,8 @@ from softseam_services.pbd.kernels.pairs import DIRECT, EIGHT, POINT, find_pairs
 from softseam_services.pbd.records import new_contacts, new_inputs
 from softseam_services.pbd.state import new_state
 
+pytestmark = pytest.mark.kernels
+
 MU, LAM = 7e3, 62e3
 GROUND = {"kind": "plane", "friction": 0.6}
 
@@ -41,7 +43,7 @@ def test_nan_is_not_swallowed() -> None:
     assert np.isnan(volumetric(np.nan, MU, LAM)[:2]).all()
     run = PbdRun(block_scene())
     run.run(0.01)
-    run.solver._committed.v[3, 1] = np.nan
+    run.committed.v[3, 1] = np.nan
     assert "diverged" in run.solver.advance(run.request()).why
 
 

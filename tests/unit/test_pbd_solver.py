@@ -13,6 +13,8 @@ from pbd_run import Floats, PbdRun, block_scene, cantilever
 from softseam_protocol.messages.participant import Advanced
 from softseam_services.body.region import shared_nodes
 
+pytestmark = pytest.mark.kernels
+
 GROUND = {"kind": "plane", "point": (0.0, 0.0, 0.0), "normal": (0.0, 0.0, 1.0), "friction": 0.6}
 PLATE = {"kind": "box", "size": (0.01, 0.06, 0.06), "friction": 0.6}
 

@@ -21,6 +21,8 @@ from softseam_services.pbd.structures import Structures
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.motion import tool_motion
 
+pytestmark = pytest.mark.kernels
+
 Known = Structures[Layout, PbdModel]
 SIZE, CELL = (0.06, 0.04, 0.04), 0.02
 GROUND = {"kind": "plane", "friction": 0.6}

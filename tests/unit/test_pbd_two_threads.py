@@ -48,16 +48,18 @@ def squeeze(steps: int) -> PbdRun:
     return run
 
 
+@pytest.mark.kernels
 def test_two_threads_make_the_bits_of_one(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
     one = squeeze(8)
-    assert not one.solver._scratch.pair.possible
+    assert not one.scratch.pair.possible
     request.getfixturevalue("two")
     both = squeeze(8)
-    assert both.solver._scratch.pair.possible
+    assert both.scratch.pair.possible
     assert both.solver.snapshot() == one.solver.snapshot()
     np.testing.assert_array_equal(both.figures, one.figures)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("residual", [None, 2e-2])
 def test_two_threads_damp_and_stop_as_one(residual: float | None, request: pytest.FixtureRequest) -> None:
     def swing() -> tuple[PbdRun, list[int]]:
@@ -74,6 +76,7 @@ def test_two_threads_damp_and_stop_as_one(residual: float | None, request: pytes
     assert both.solver.snapshot() == one.solver.snapshot()
 
 
+@pytest.mark.kernels
 def test_two_threads_leap_as_one(request: pytest.FixtureRequest) -> None:
     def leap() -> PbdRun:
         scene = block_scene((0.1, 0.075, 0.125), 0.025, gravity=(0.0, 0.0, -9.81), pbd={"method": "leapfrog"})
@@ -85,11 +88,12 @@ def test_two_threads_leap_as_one(request: pytest.FixtureRequest) -> None:
     one = leap()
     request.getfixturevalue("two")
     both = leap()
-    assert both.solver._scratch.pair.possible
+    assert both.scratch.pair.possible
     assert both.solver.snapshot() == one.solver.snapshot()
     np.testing.assert_array_equal(both.figures, one.figures)
 
 
+@pytest.mark.kernels
 @pytest.mark.usefixtures("two")
 def test_nothing_waits_for_a_second_thread_that_does_not_come() -> None:
     """Held up by something else it is not missed: the steps are taken alone."""
@@ -108,6 +112,7 @@ def test_nothing_waits_for_a_second_thread_that_does_not_come() -> None:
     assert squeeze(3).solver.snapshot() == late
 
 
+@pytest.mark.kernels
 def test_a_stretch_is_shared_out_once() -> None:
     """Halves from both ends until nothing is left; a thread that is behind finds nothing in an older stretch."""
     team = new_team(alone=False)
@@ -141,6 +146,7 @@ def test_the_faster_way_is_taken_and_the_other_tried_again(monkeypatch: pytest.M
     assert not small._pays()
 
 
+@pytest.mark.kernels
 def test_a_probe_that_two_threads_share_finds_the_bits_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where the second thread is held up by something else, and in contact with a tool."""
     scene = block_scene(

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from pbd_run import Energy, PbdRun, block_scene
 
+pytestmark = pytest.mark.kernels
+
 GROUND = {"kind": "plane", "point": (0.0, 0.0, 0.0), "normal": (0.0, 0.0, 1.0), "friction": 0.6}
 
 
@@ -50,7 +52,7 @@ def test_an_edge_between_points() -> None:
     before = run.step()
     reply = run.step()
     assert (run.work.force[:, 0, 2] < 0.0).sum() == reply.n_contacts == 12
-    assert run.solver._scratch.arrays.contacts.patch.any(axis=(1, 2)).sum() == 6 * 16
+    assert run.scratch.arrays.contacts.patch.any(axis=(1, 2)).sum() == 6 * 16
     assert reply.wrench[0, 2] > 0.1
     change = (reply.momentum - before.momentum) / run.scene.step
     np.testing.assert_allclose(change, -reply.wrench[0, :3], atol=1e-9)

@@ -63,11 +63,13 @@ def drawn(recording: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
 
 
+@pytest.mark.kernels
 def test_drawing_loads_neither_rerun_nor_a_solver(drawn: subprocess.CompletedProcess[str]) -> None:
     assert drawn.returncode == 0, drawn.stderr
     assert drawn.stdout.splitlines()[1] == ""
 
 
+@pytest.mark.kernels
 def test_three_pictures_that_show_something(recording: Path, drawn: subprocess.CompletedProcess[str]) -> None:
     assert drawn.stdout.splitlines()[0] == "snapshots.png curves.png time.png", drawn.stderr
     written = [recording.parent / "new" / "folder" / name for name in drawn.stdout.splitlines()[0].split()]
@@ -80,6 +82,7 @@ def test_three_pictures_that_show_something(recording: Path, drawn: subprocess.C
     assert set(written[0].parent.iterdir()) == set(written)
 
 
+@pytest.mark.kernels
 def test_curves_are_of_what_is_asked_for_or_else_of_what_is_not_nothing() -> None:
     """A grip that was asked for and never closed is drawn; nobody asks for the grip of a rod that presses."""
     run = Squeeze(3)
@@ -94,6 +97,7 @@ def test_curves_are_of_what_is_asked_for_or_else_of_what_is_not_nothing() -> Non
     assert drawn_quantities((), builder.columns) == ["sag", "ball.force"]
 
 
+@pytest.mark.kernels
 def test_fem_alone_is_painted_as_fem(tmp_path: Path) -> None:
     """In coral, though all of its cells are in the far region, and blue is PBD's."""
     with softseam.open("tofu_grasp", model="fem", record=tmp_path / "run.mcap") as session:
@@ -122,6 +126,7 @@ def test_a_smaller_picture_keeps_the_scale_of_stress_even() -> None:
     assert np.abs(np.diff(found[106], axis=0)).max() < 10
 
 
+@pytest.mark.kernels
 def test_a_recording_cut_before_its_first_frame_still_gives_no_traceback(recording: Path, tmp_path: Path) -> None:
     data = recording.read_bytes()
     cut = tmp_path / "cut.mcap"
@@ -131,6 +136,7 @@ def test_a_recording_cut_before_its_first_frame_still_gives_no_traceback(recordi
         draw_pictures(cut, tmp_path / str(part))
 
 
+@pytest.mark.kernels
 def test_what_a_damaged_recording_lacks_is_hatched(tmp_path: Path) -> None:
     """Beside a recording of the steps that are left, whose curves are the same."""
     run = Squeeze(20, cell=0.025)
@@ -146,6 +152,7 @@ def test_what_a_damaged_recording_lacks_is_hatched(tmp_path: Path) -> None:
     assert 0.01 < (left != hatched).any(axis=2).mean() < 0.2
 
 
+@pytest.mark.kernels
 def test_a_beginning_that_is_missing_is_on_the_axis(tmp_path: Path) -> None:
     run = Squeeze(20, cell=0.025)
     recording = Recording(with_a_bad_chunk(tmp_path / "damaged.mcap", run.begin, run.messages(), 0))
@@ -157,6 +164,7 @@ def test_a_beginning_that_is_missing_is_on_the_axis(tmp_path: Path) -> None:
     assert axes.get_xlim() == (0.0, 1.0)
 
 
+@pytest.mark.kernels
 def test_tools_of_every_kind_are_recorded_drawn_and_replayed(tmp_path: Path) -> None:
     """Also a mesh, whose file is not at hand any more."""
     (tmp_path / "finger.obj").write_bytes(obj(*solids.box((0.01, 0.02, 0.04))))

@@ -17,6 +17,8 @@ from softseam_services.orchestrator.pierced import Pierced
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.tools.build import build_tools
 
+pytestmark = pytest.mark.kernels
+
 BLOCK = {
     "shape": {"kind": "block", "size": [0.04, 0.04, 0.04]},
     "cell": 0.02,

@@ -53,6 +53,7 @@ def setups() -> dict[str, Setup]:
     return {name: build_setup(bundle, name) for name in bodies}
 
 
+@pytest.mark.kernels
 def test_whole_bodies_of_a_model_that_piles_are_in_a_pile(setups: dict[str, Setup]) -> None:
     """Not those of FEM, of a near region, of particles, that interfaces join; and one alone is no pile."""
     assert piles_of(setups, ()) == {"pbd": ("cube0", "cube3", "cube4")}
@@ -60,6 +61,7 @@ def test_whole_bodies_of_a_model_that_piles_are_in_a_pile(setups: dict[str, Setu
     assert piles_of(setups, ("cube3", "cube4")) == {}
 
 
+@pytest.mark.kernels
 def test_losses_of_many_are_those_of_each(setups: dict[str, Setup]) -> None:
     """Bodies that hit, bounce and lose at random."""
     random = np.random.default_rng(3)

@@ -82,6 +82,7 @@ def test_a_deadline_is_of_wall_time_and_knows_a_busy_machine() -> None:
     assert deadline.left() == pytest.approx(15.0, abs=0.5)
 
 
+@pytest.mark.kernels
 def test_runs_end_when_no_time_is_left() -> None:
     """The one that is under way, and those that would time it anew; what computes is halted within a step."""
     began = perf_counter()
@@ -91,6 +92,7 @@ def test_runs_end_when_no_time_is_left() -> None:
     assert once.status == "done" and len(once.walls) == 1
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("known", "wanted"), [(0.06, [36.0, 60.0]), (0.01, [36.0])])
 def test_what_is_vaguely_known_is_refined_with_all_of_the_minutes(
     known: float, wanted: list[float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -113,6 +115,7 @@ def test_what_is_vaguely_known_is_refined_with_all_of_the_minutes(
     assert budgets == wanted
 
 
+@pytest.mark.kernels
 def test_minutes_begin_when_solvers_are_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Other processes compile them, which took all minutes of a first plan."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

@@ -59,6 +59,7 @@ def told(text: str, seconds: float) -> Told:
     return lambda done: None
 
 
+@pytest.mark.kernels
 def test_a_short_run_has_the_time_of_one_that_nobody_looks_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study = study_of("tofu_push")
     one = Fem(study.frame, (2, 2, 1), 0.08).configuration()
@@ -72,6 +73,7 @@ def test_a_short_run_has_the_time_of_one_that_nobody_looks_at(tmp_path: Path, mo
     assert timed(study, one, LEFT_OUT, store, told) is LEFT_OUT
 
 
+@pytest.mark.kernels
 def test_the_page_says_which_code_it_is_of() -> None:
     none = tuple(Checked(tolerance, ("*none*", "", "", "", "none", "", "0")) for tolerance in TOLERANCES)
     text = page([Judged("cube", none, "ships", "1 of 4, incomplete: 1 had no time", "", 1.0)])

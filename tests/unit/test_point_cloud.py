@@ -22,6 +22,7 @@ def push() -> Iterator[PushGentle]:
     env.close()
 
 
+@pytest.mark.kernels
 def test_points_are_those_of_the_surface_as_it_moves(push: PushGentle) -> None:
     env = PointCloud(push, points=98)  # all that a block of 2x2x2 cells has
     first, _ = env.reset(seed=0)
@@ -37,6 +38,7 @@ def test_points_are_those_of_the_surface_as_it_moves(push: PushGentle) -> None:
     assert moved == pytest.approx(ahead, rel=1e-3)
 
 
+@pytest.mark.kernels
 def test_the_seed_draws_them_and_changes_nothing_else(push: PushGentle) -> None:
     env, few = PointCloud(push, points=90), PointCloud(push, points=7)
     one, other, again = (env.reset(seed=seed)[0] for seed in (1, 2, 1))
@@ -48,6 +50,7 @@ def test_the_seed_draws_them_and_changes_nothing_else(push: PushGentle) -> None:
     assert len(np.unique(one["points"], axis=0)) == 90
 
 
+@pytest.mark.kernels
 def test_checkers_find_nothing_to_object() -> None:
     env = PointCloud(TowelFold(divisions=12), points=300)  # of 169 particles, some twice
     with warnings.catch_warnings(record=True) as warned:
@@ -58,6 +61,7 @@ def test_checkers_find_nothing_to_object() -> None:
     assert not [each for each in warned if not any(known in str(each.message) for known in of_wrappers)]
 
 
+@pytest.mark.kernels
 def test_a_simulation_that_fails_shows_the_surface_as_it_was(push: PushGentle, monkeypatch: pytest.MonkeyPatch) -> None:
     env = PointCloud(push)
     before, _ = env.reset(seed=0)

@@ -7,6 +7,8 @@ import pytest
 
 from softseam_coupling.prediction import N_KEPT, Prediction
 
+pytestmark = pytest.mark.kernels
+
 
 @pytest.mark.parametrize("order", [0, 1, 2])
 @pytest.mark.parametrize("steps", [[0.01] * 12, [0.01, 0.0025, 0.0025, 0.005, 0.01, 0.02] * 2])

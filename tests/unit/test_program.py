@@ -18,6 +18,8 @@ from softseam_services.tools.build import build_tools
 from softseam_services.tools.motion import tool_motion
 from softseam_services.tools.tool_set import ToolSet
 
+pytestmark = pytest.mark.kernels
+
 Floats = NDArray[np.float64]
 
 SQUEEZE = {"tools": ["left", "right"], "close": 0.02, "until": {"compression": 0.1}}
@@ -55,7 +57,7 @@ def _program(step: float, motion: list[dict[str, Any]]) -> tuple[Program, ToolSe
     return Program(scene.motion, scene.step, tools, grips, drives.phases), tools, drives
 
 
-def _played(step: float, motion: list[dict[str, Any]]) -> tuple[Floats, Floats, list[Progress]]:
+def played(step: float, motion: list[dict[str, Any]]) -> tuple[Floats, Floats, list[Progress]]:
     """Poses after each step (n, t, 3), (n, t, 4), the start first, and the progress, of a motion without forces."""
     program, tools, _ = _program(step, motion)
     position, orientation, progress = tools.position, tools.orientation, Progress()
@@ -74,8 +76,8 @@ def _played(step: float, motion: list[dict[str, Any]]) -> tuple[Floats, Floats, 
 @pytest.mark.parametrize("step", [0.008, 0.03, 0.2])
 def test_poses_at_the_end_of_a_step_are_those_of_the_exact_motion(step: float) -> None:
     motion: list[dict[str, Any]] = [{"hold": 0.0123}, SQUEEZE, MOVE, {"hold": 0.0}, TURN, {"hold": 0.01}]
-    fine_places, fine_turns, _ = _played(0.001, motion)
-    places, turns, _ = _played(step, motion)
+    fine_places, fine_turns, _ = played(0.001, motion)
+    places, turns, _ = played(step, motion)
     time = step * np.arange(len(places))
     fine_time = 0.001 * np.arange(len(fine_places))
     for tool in range(2):
@@ -96,13 +98,13 @@ def test_as_many_steps_as_the_motion_lasts() -> None:
         length = program.duration()
         assert length is not None
         assert length == pytest.approx(0.0123 + 0.0120 / 0.04 + 0.03 / 0.07 + 0.004)
-        assert len(_played(step, motion)[0]) - 1 == int(np.ceil(length / step - 1e-9))
+        assert len(played(step, motion)[0]) - 1 == int(np.ceil(length / step - 1e-9))
 
 
 def test_many_short_phases_fit_in_one_step() -> None:
     there = {"tools": ["left"], "move": [0.0, 0.001, 0.0], "speed": 1.0}
     back = {"tools": ["left"], "move": [0.0, -0.001, 0.002], "speed": 1.0}
-    places, _, told = _played(0.1, [there, back, there, back, {"hold": 0.05}])
+    places, _, told = played(0.1, [there, back, there, back, {"hold": 0.05}])
     assert len(places) == 2
     np.testing.assert_allclose(places[-1, 0] - places[0, 0], [0.0, 0.0, 0.004], atol=1e-15)
     assert told[-1].phase == 5
@@ -110,7 +112,7 @@ def test_many_short_phases_fit_in_one_step() -> None:
 
 def test_two_turns_take_two_steps_so_that_each_has_one_axis() -> None:
     across = {**TURN, "turn": [0.2, 0.0, 0.0], "about": [0.0, 0.0, 0.0]}
-    _, _, told = _played(0.2, [{**TURN, "turn": [0.0, 0.0, 0.11]}, across])
+    _, _, told = played(0.2, [{**TURN, "turn": [0.0, 0.0, 0.11]}, across])
     assert [progress.phase for progress in told] == [0, 1, 2]
 
 

@@ -49,6 +49,7 @@ def push(env: PushGentle, rule: Rule, seed: int) -> tuple[float, dict[str, Any]]
     return total, info
 
 
+@pytest.mark.kernels
 def test_a_gentle_push_reaches_targets_and_scores_most(env: PushGentle) -> None:
     gentle = [push(env, towards(0.12), seed) for seed in range(5)]
     hard = [push(env, towards(1.0), seed) for seed in range(4)]
@@ -61,6 +62,7 @@ def test_a_gentle_push_reaches_targets_and_scores_most(env: PushGentle) -> None:
     assert returns[0] > 2.0 > returns[1] + 0.5
 
 
+@pytest.mark.kernels
 def test_each_part_of_a_push_pays(env: PushGentle) -> None:
     """No valley between the air and the target, in which an agent would stay."""
     seen, _ = env.reset(seed=1)
@@ -74,6 +76,7 @@ def test_each_part_of_a_push_pays(env: PushGentle) -> None:
     assert info["is_success"] and min(rewards.values()) > 0.1
 
 
+@pytest.mark.kernels
 def test_who_goes_past_the_target_has_failed() -> None:
     """Straight ahead, where the target is 6 mm aside."""
     env = PushGentle(reward=FULL, randomise=None, stress_limit=1e5)
@@ -83,6 +86,7 @@ def test_who_goes_past_the_target_has_failed() -> None:
     assert total < 1.0
 
 
+@pytest.mark.kernels
 def test_targets_are_drawn_by_the_seed_whatever_else_varies(env: PushGentle) -> None:
     alike = PushGentle(reward=FULL, randomise=None)
     found = []
@@ -97,6 +101,7 @@ def test_targets_are_drawn_by_the_seed_whatever_else_varies(env: PushGentle) -> 
     assert np.ptp(aside) > 0.05 and (np.abs(aside) <= 0.8).all()
 
 
+@pytest.mark.kernels
 def test_the_finger_goes_no_farther_back_than_it_began_nor_far_aside(env: PushGentle) -> None:
     env.reset(seed=0)
     start = env.session.last.tools["finger"].position
@@ -106,6 +111,7 @@ def test_the_finger_goes_no_farther_back_than_it_began_nor_far_aside(env: PushGe
     np.testing.assert_allclose(at - start, [0.0, 0.02, 0.0], atol=1e-9)
 
 
+@pytest.mark.kernels
 def test_an_episode_knows_nothing_of_those_before_it(env: PushGentle) -> None:
     fresh = PushGentle(reward=FULL)
     assert bits(env, 5, 40) == bits(fresh, 5, 40)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_program import _played
+from test_program import played
 
 from softseam_protocol.scene.motion import MovePhase, TurnPhase
 from softseam_protocol.scene.ramp import Ramp
@@ -41,10 +41,11 @@ MOVE: dict[str, Any] = {"tools": ["left", "right"], "move": [0.0, 0.01, 0.03], "
 TURN: dict[str, Any] = {"tools": ["left", "right"], "turn": [0.0, 0.0, 0.3], "speed": 1.1, "acceleration": 5.0}
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("step", [0.004, 0.03, 0.2])
 def test_poses_at_the_end_of_a_step_are_those_of_the_exact_motion(step: float) -> None:
     motion: list[dict[str, Any]] = [{"hold": 0.0123}, MOVE, {"hold": 0.02}]
-    places, _, _ = _played(step, motion)
+    places, _, _ = played(step, motion)
     phase = MovePhase.model_validate(MOVE)
     for number, place in enumerate(places):
         share = phase.ramp.gone(min(max(0.0, number * step - 0.0123), phase.ramp.time)) / phase.length
@@ -52,8 +53,9 @@ def test_poses_at_the_end_of_a_step_are_those_of_the_exact_motion(step: float) -
     np.testing.assert_allclose(places[-1] - places[0], np.tile(MOVE["move"], (2, 1)), atol=1e-12)
 
 
+@pytest.mark.kernels
 def test_a_turn_ends_where_it_is_to() -> None:
-    _, turns, _ = _played(0.01, [TURN])
+    _, turns, _ = played(0.01, [TURN])
     np.testing.assert_allclose(turns[-1, 0], [np.cos(0.15), 0, 0, np.sin(0.15)], atol=1e-12)
     phase = TurnPhase.model_validate(TURN)
     angle = 2.0 * np.arctan2(turns[3, 0, 3], turns[3, 0, 0])

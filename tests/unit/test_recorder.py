@@ -39,6 +39,7 @@ def record(path: Path, run: Squeeze) -> list[StepReport | Frame | Event]:
     return messages
 
 
+@pytest.mark.kernels
 def test_messages_are_recorded_verbatim_and_in_order(tmp_path: Path) -> None:
     run = Squeeze(20)
     messages = record(tmp_path / "run.mcap", run)
@@ -51,6 +52,7 @@ def test_messages_are_recorded_verbatim_and_in_order(tmp_path: Path) -> None:
     assert recording.note is None and recording.counts["Frame"] == 20
 
 
+@pytest.mark.kernels
 def test_a_recording_holds_what_it_takes_to_simulate_it_again(tmp_path: Path) -> None:
     run = Squeeze(2)
     record(tmp_path / "run.mcap", run)
@@ -63,6 +65,7 @@ def test_a_recording_holds_what_it_takes_to_simulate_it_again(tmp_path: Path) ->
     assert recording.surfaces["body"].triangles.tobytes() == run.body.surface.triangles.tobytes()
 
 
+@pytest.mark.kernels
 def test_surface_points_at_rest_are_the_nodes_of_a_block(tmp_path: Path) -> None:
     """A block's surface points are lattice nodes: each rest position is one of the body's."""
     run = Squeeze(1)
@@ -70,6 +73,7 @@ def test_surface_points_at_rest_are_the_nodes_of_a_block(tmp_path: Path) -> None
     assert {tuple(x) for x in run.begin.surfaces["body"].point_rest.round(9)} <= nodes
 
 
+@pytest.mark.kernels
 def test_any_mcap_reader_reads_it(tmp_path: Path) -> None:
     """Compressed, with checksums, an index and embedded descriptors."""
     record(tmp_path / "run.mcap", Squeeze(3))
@@ -86,6 +90,7 @@ def test_any_mcap_reader_reads_it(tmp_path: Path) -> None:
         assert {chunk.compression for chunk in chunks} == {"zstd"} and all(chunk.uncompressed_crc for chunk in chunks)
 
 
+@pytest.mark.kernels
 def test_a_file_that_exists_is_refused_numbered_or_replaced(tmp_path: Path) -> None:
     path, begin = tmp_path / "run.mcap", Squeeze(1).begin
     path.write_text("precious")
@@ -98,6 +103,7 @@ def test_a_file_that_exists_is_refused_numbered_or_replaced(tmp_path: Path) -> N
         assert Recording(path).metadata["session"] == "test"
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ["run.bag", "no/such/folder/run.mcap"])
 def test_a_file_that_cannot_be_created_is_one_clear_error(tmp_path: Path, name: str) -> None:
     with pytest.raises(RecordError, match=name.rpartition("/")[2]):
@@ -105,6 +111,7 @@ def test_a_file_that_cannot_be_created_is_one_clear_error(tmp_path: Path, name: 
     assert not list(tmp_path.rglob("*.mcap"))
 
 
+@pytest.mark.kernels
 def test_a_stalled_disk_costs_one_short_wait_and_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run = Squeeze(40)
     told: list[str] = []
@@ -172,6 +179,7 @@ def kill_while_recording(path: Path) -> float:
     return (written[-1] - max(published for _, _, published, _ in recording.raw())) / 1e9
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 def test_kill_9_loses_a_quarter_of_a_second_at_most(tmp_path: Path) -> None:
     """The best of three: on a busy machine the writing thread may be scheduled late."""
@@ -183,6 +191,7 @@ def test_kill_9_loses_a_quarter_of_a_second_at_most(tmp_path: Path) -> None:
     pytest.fail(f"lost {lost} s")
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 def test_a_full_disk_ends_the_recording_not_the_run(tmp_path: Path) -> None:
     """A file size limit makes the system refuse to write, as a full disk does."""
@@ -219,6 +228,7 @@ def fill(path: Path, run: Squeeze) -> int:
     return whole
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("short", [1, 3_000, 60_000, 100_000])
 def test_however_full_the_disk_the_file_says_where_it_ends(tmp_path: Path, short: int) -> None:
     """Room for it is kept from the first flush on, whether the disk fills within messages or within the index."""

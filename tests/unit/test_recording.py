@@ -65,6 +65,7 @@ def read(path: Path) -> tuple[list[bytes], Recording]:
     return messages, recording
 
 
+@pytest.mark.kernels
 @settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(part=st.floats(0.0, 1.0, exclude_max=True))
 def test_cut_anywhere_it_is_read_up_to_the_cut(tmp_path: Path, whole: Whole, part: float) -> None:
@@ -86,6 +87,7 @@ def _chunk_end(whole: Whole, i: int) -> int:
     return start + 9 + int.from_bytes(whole.data[start + 1 : start + 9], "little")
 
 
+@pytest.mark.kernels
 @settings(deadline=None, max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(part=st.floats(0.0, 1.0, exclude_max=True), flip=st.integers(1, 255))
 @example(part=0.0003, flip=1)  # in the head's name of who recorded it
@@ -141,6 +143,7 @@ def absurd(whole: Whole, i: int) -> bytes:
     return spoil(whole.data, whole.chunks[i][0] + 6, b"\x07")
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("spoiled", [bad_bytes, broken_block, zeros, piece_missing, longer, absurd])
 @pytest.mark.parametrize("i", [0, 4, 14])
 def test_a_damaged_chunk_is_a_hole_between_two_times(
@@ -169,6 +172,7 @@ def missing_in(whole: Whole, i: int) -> list[int]:
     return [codec.decode(each, StepReport).header.step for each in found if codec.peek(each) is StepReport]
 
 
+@pytest.mark.kernels
 def test_a_damaged_index_of_a_chunk_loses_no_message(tmp_path: Path, whole: Whole) -> None:
     """Its length is made longer, so that it would swallow the chunks behind it."""
     path = tmp_path / "run.mcap"
@@ -180,6 +184,7 @@ def test_a_damaged_index_of_a_chunk_loses_no_message(tmp_path: Path, whole: Whol
     assert hole.steps == 0 and "no step is missing" in str(recording.note)
 
 
+@pytest.mark.kernels
 def test_several_holes_are_told_one_by_one_and_the_rest_is_counted(tmp_path: Path, whole: Whole) -> None:
     data = whole.data
     for i in (1, 3, 6, 9, 11):
@@ -193,6 +198,7 @@ def test_several_holes_are_told_one_by_one_and_the_rest_is_counted(tmp_path: Pat
     assert recording.note is not None and "and 3 more holes of" in recording.note
 
 
+@pytest.mark.kernels
 def test_bodies_surfaces_that_are_damaged_are_built_anew(tmp_path: Path, whole: Whole) -> None:
     """From the scene, as the recorder built them; they stand before everything that is simulated."""
     place = whole.data.index(b"zstd")
@@ -207,6 +213,7 @@ def test_bodies_surfaces_that_are_damaged_are_built_anew(tmp_path: Path, whole: 
     assert recording.surfaces["body"].point_rest.tobytes() == known.point_rest.tobytes()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("place", [0, 3, 9, 14])
 def test_a_damaged_beginning_is_a_hole_too(tmp_path: Path, whole: Whole, place: int) -> None:
     """The magic, or the record behind it, without which nothing is lost."""
@@ -217,6 +224,7 @@ def test_a_damaged_beginning_is_a_hole_too(tmp_path: Path, whole: Whole, place: 
     assert recording.note is not None and "no step is missing" in recording.note
 
 
+@pytest.mark.kernels
 def test_without_what_is_known_of_it_a_recording_is_shown(tmp_path: Path, whole: Whole) -> None:
     """Seed and schema are lost; the messages have a schema, and the scene a seed of its own."""
     path = tmp_path / "run.mcap"
@@ -227,6 +235,7 @@ def test_without_what_is_known_of_it_a_recording_is_shown(tmp_path: Path, whole:
     assert recording.note is not None and "unknown kind of record" in recording.note
 
 
+@pytest.mark.kernels
 def test_a_damaged_seed_is_refused(tmp_path: Path, whole: Whole) -> None:
     """The one number in the head that no checksum covers; its length makes the rest of the head part of it."""
     data = whole.data
@@ -237,6 +246,7 @@ def test_a_damaged_seed_is_refused(tmp_path: Path, whole: Whole) -> None:
         read(path)
 
 
+@pytest.mark.kernels
 def test_every_flush_is_a_place_to_cut(tmp_path: Path, whole: Whole) -> None:
     """Cut right behind the last chunk: nothing is missing but the index, and the note says so."""
     path = tmp_path / "cut.mcap"
@@ -296,6 +306,7 @@ def test_what_is_no_recording_is_one_clear_error(tmp_path: Path, make: object, w
     assert str(path) in str(caught.value)
 
 
+@pytest.mark.kernels
 def test_a_folder_stands_for_its_newest_recording(tmp_path: Path) -> None:
     for i, name in enumerate(("b.mcap", "a.mcap")):
         LogFile(tmp_path / name, Squeeze(1, cell=0.025).begin).close()

@@ -15,6 +15,8 @@ from softseam.replay import convert, verify
 from softseam_protocol.messages.session import Frame, StepReport
 from softseam_protocol.scene.tools import PlaneTool
 
+pytestmark = pytest.mark.kernels
+
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:

@@ -115,6 +115,7 @@ def test_levels_that_went_no_farther_than_what_has_to_be_known_are_known(
     assert stress.has_limit is counts and (not stress.left_out) is counts
 
 
+@pytest.mark.kernels
 def test_levels_are_kept_of_all_quantities_and_each_levels_sees_its_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -132,6 +133,7 @@ def test_levels_are_kept_of_all_quantities_and_each_levels_sees_its_own(
     assert found is not None and found.series is not None and [*found.series.values] == [*scene.quantities]
 
 
+@pytest.mark.kernels
 def test_scenes_that_ask_for_others_store_their_levels_side_by_side(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

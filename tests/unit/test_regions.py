@@ -34,6 +34,7 @@ def test_neighbours_and_blocks_of_a_small_block() -> None:
     assert_array_equal(hollow.neighbours, np.full((2, 6), -1))
 
 
+@pytest.mark.kernels
 def test_static_boxes_are_always_near() -> None:
     cells = np.array([[i, 0, 0] for i in range(6)], dtype=np.int32)
     grid = CellGrid.build(cells, cells.astype(np.float64) + 0.5, np.array([[[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]]]))
@@ -47,6 +48,7 @@ def test_static_boxes_are_always_near() -> None:
         CellGrid.build(cells, None, np.zeros((1, 2, 3)))
 
 
+@pytest.mark.kernels
 def test_approach_hold_and_leave() -> None:
     """Near at `within`, kept to `release * within`, let go `patience` steps after the last reason and not before."""
     _, grid = block(8, 1, 1)
@@ -71,6 +73,7 @@ def test_approach_hold_and_leave() -> None:
     assert "4 cells raised (4 by a tool" in choice.reason
 
 
+@pytest.mark.kernels
 def test_a_choice_that_is_not_accepted_is_asked_for_again() -> None:
     _, grid = block(4, 1, 1)
     rule = RegionRule(within=1.0)
@@ -81,6 +84,7 @@ def test_a_choice_that_is_not_accepted_is_asked_for_again() -> None:
     assert not state.near.any()
 
 
+@pytest.mark.kernels
 def test_approach_speed_raises_cells_early_and_never_keeps_them() -> None:
     _, grid = block(4, 1, 1)
     rule = RegionRule(within=1.0, patience=2)
@@ -91,6 +95,7 @@ def test_approach_speed_raises_cells_early_and_never_keeps_them() -> None:
     assert not rule.choose(state, grid, distance, np.full(4, -2.0)).switches
 
 
+@pytest.mark.kernels
 def test_cells_are_raised_in_batches() -> None:
     """A tool that comes 0.05 closer a step to cells 0.1 apart raises four at a time; far ones alone are no reason."""
     _, grid = block(12, 1, 1)
@@ -108,6 +113,7 @@ def test_cells_are_raised_in_batches() -> None:
     assert kept.choose(state, grid, 0.95 + 0.1 * np.arange(12.0)).n_raised == 2  # never what the rule would let go
 
 
+@pytest.mark.kernels
 def test_cells_are_lowered_in_batches() -> None:
     """Cells that lose their reason one a step leave together, at most once in `patience` steps."""
     _, grid = block(12, 1, 1)
@@ -125,6 +131,7 @@ def test_cells_are_lowered_in_batches() -> None:
     assert len(lowered) <= 5
 
 
+@pytest.mark.kernels
 def test_a_single_far_cell_inside_is_no_island() -> None:
     _, grid = block(3, 3, 3)
     distance = np.zeros(27)
@@ -136,6 +143,7 @@ def test_a_single_far_cell_inside_is_no_island() -> None:
     assert RegionRule(within=1.0).init(grid, distance).near.all()
 
 
+@pytest.mark.kernels
 def test_edge_and_corner_contacts_are_mended() -> None:
     _, grid = block(2, 2, 1)
     near = RegionRule(within=1.0, min_patch=1).init(grid, np.array([0.0, 3.0, 2.0, 0.0])).near
@@ -148,6 +156,7 @@ def test_edge_and_corner_contacts_are_mended() -> None:
     assert islands(near, (2, 2, 2)) == 1  # a path of face contacts from corner to corner
 
 
+@pytest.mark.kernels
 def test_cap_raises_the_closest_first() -> None:
     _, grid = block(10, 1, 1)
     rule = RegionRule(within=20.0, max_cells=3, min_patch=1)
@@ -180,6 +189,7 @@ def islands(inside: Mask, n: tuple[int, int, int]) -> int:
     return count
 
 
+@pytest.mark.kernels
 @given(
     st.tuples(st.integers(1, 5), st.integers(1, 5), st.integers(1, 4)),
     st.integers(0, 2**32 - 1),
@@ -216,6 +226,7 @@ def test_any_cells_become_clean_patches(n: tuple[int, int, int], seed: int, shar
     assert last < 5 * rule.patience
 
 
+@pytest.mark.kernels
 def test_state_survives_a_checkpoint() -> None:
     _, grid = block(6, 2, 1)
     rule = RegionRule(within=1.0, patience=3)
@@ -230,6 +241,7 @@ def test_state_survives_a_checkpoint() -> None:
         rule.accept(copy, theirs)
 
 
+@pytest.mark.kernels
 def test_urgency_raises_a_few_cells_at_a_time_and_lets_go_late() -> None:
     """The most urgent 5 % first; kept above 0.3, let go `patience` steps after."""
     _, grid = block(8, 5, 2)
@@ -256,6 +268,7 @@ def test_urgency_raises_a_few_cells_at_a_time_and_lets_go_late() -> None:
     assert [go()[0] for _ in range(6)] == [6, 6, 6, 6, 0, 0]
 
 
+@pytest.mark.kernels
 def test_tools_come_before_urgency_and_are_not_capped() -> None:
     _, grid = block(40, 1, 1)
     rule = RegionRule(within=1.0, min_patch=1)

@@ -19,6 +19,8 @@ from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.file import scene_hash
 from softseam_services.recorder.recorder import McapRecorder
 
+pytestmark = pytest.mark.kernels
+
 KEYS = {
     "report_version": int,
     "schema_version": int,

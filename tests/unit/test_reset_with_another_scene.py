@@ -21,6 +21,8 @@ from softseam_protocol.scene.materials import AnyMaterial
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 
+pytestmark = pytest.mark.kernels
+
 NUMBERS = {
     "modulus": ["body.material.young=30e3"],
     "Poisson's ratio": ["body.material.poisson=0.3"],

@@ -81,6 +81,7 @@ def row(text: str, name: str) -> list[str]:
     return next(line for line in text.splitlines() if line.startswith(name)).removeprefix(name).split()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("noise", [-8.7e-19, 3.1e-17, -2e-13])
 def test_rounding_is_shown_as_nothing(noise: float, tmp_path: Path) -> None:
     report = squeezed([0.0, noise, 0.031, noise], folder=tmp_path)
@@ -91,6 +92,7 @@ def test_rounding_is_shown_as_nothing(noise: float, tmp_path: Path) -> None:
     assert "| lift height | 0 m to 31 mm |" in report["replayed"]
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("noise", [-8.7e-19, 3.1e-17])
 def test_a_quantity_that_is_all_rounding_is_nothing(noise: float, tmp_path: Path) -> None:
     report = squeezed([noise, -noise, 2.0 * noise], folder=tmp_path)
@@ -98,6 +100,7 @@ def test_a_quantity_that_is_all_rounding_is_nothing(noise: float, tmp_path: Path
     assert "| lift height | 0 m to 0 m |" in report["replayed"]
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("small", [-4e-9, 2.5e-8, -1e-7])
 def test_what_is_small_but_no_rounding_is_shown(small: float) -> None:
     """A few nanometres that a stiff block of 50 mm sinks by."""
@@ -105,6 +108,7 @@ def test_what_is_small_but_no_rounding_is_shown(small: float) -> None:
     assert found["final"] == small and {found["min"], found["max"]} == {0.0, small}
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("down", [-0.148, -0.0216, -3e-4])
 def test_least_and_most_have_their_signs(down: float, tmp_path: Path) -> None:
     """A tip that goes down by 148 mm and comes back: the largest value is that where it moved least."""
@@ -114,6 +118,7 @@ def test_least_and_most_have_their_signs(down: float, tmp_path: Path) -> None:
     assert row(closing(report), "lift height")[2:] == [f"{1e3 * down:.4g}", "mm", "-0.02", "mm"]
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("values", "told"), [([1.0, None, 3.0], "2 of 3"), ([None, None, 3.0, 4.0, None], "2 of 5")])
 def test_it_says_of_how_many_steps_least_and_most_are(values: list[float | None], told: str) -> None:
     report = squeezed(values, "peak_von_mises")

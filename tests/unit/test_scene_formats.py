@@ -50,6 +50,7 @@ PLACED = {
 }  # fmt: skip
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("name", "data", "size"), PLACED.values(), ids=PLACED.keys())
 def test_the_solid_stands_as_the_file_tells(name: str, data: bytes, size: tuple[float, float, float]) -> None:
     vertices, triangles, notes = read_solid(name, data, None, None)
@@ -88,6 +89,7 @@ ODD = {
 }  # fmt: skip
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("data", ODD.values(), ids=ODD.keys())
 def test_collada_of_other_kinds(data: bytes) -> None:
     vertices, triangles, _ = read_solid("a.dae", data, None, None)
@@ -95,6 +97,7 @@ def test_collada_of_other_kinds(data: bytes) -> None:
     assert enclosed_volume(vertices, triangles) == pytest.approx(24.0)
 
 
+@pytest.mark.kernels
 def test_names_of_sources_are_those_of_one_geometry() -> None:
     """As FreeCAD writes them: each geometry has the sources `p` and `v`."""
     one = re.search(rb"<geometry.*</geometry>", collada(NODE), re.S)
@@ -106,6 +109,7 @@ def test_names_of_sources_are_those_of_one_geometry() -> None:
         np.testing.assert_allclose(np.ptp(vertices, axis=0), (length, 3.0, 2.0))
 
 
+@pytest.mark.kernels
 def test_what_a_stage_shows_at_first() -> None:
     """Points that move are where they are first; what is hidden is left out."""
     hidden = usd_box("old", "double3 xformOp:translate = (9, 0, 0)", 'token visibility = "invisible"')
@@ -114,6 +118,7 @@ def test_what_a_stage_shows_at_first() -> None:
     np.testing.assert_allclose(np.ptp(vertices, axis=0), (4.0, 3.0, 2.0))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ["COLLADA in mm", "glTF, y up", "USD in cm"])
 def test_a_scene_may_tell_unit_and_axis_in_place_of_the_file(name: str) -> None:
     path, data, _ = PLACED[name]
@@ -131,6 +136,7 @@ TWO = {
 }  # fmt: skip
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("name", "data"), TWO.values(), ids=TWO.keys())
 def test_one_of_several_is_taken_by_its_name(name: str, data: bytes) -> None:
     with pytest.raises(MeshError, match=r"2 separate bodies.*`part: 1` .*\(pad\).*\(rod\)"):
@@ -199,6 +205,7 @@ def packed(folder: Path, layers: dict[str, str]) -> bytes:
     return (folder / "a.usdz").read_bytes()
 
 
+@pytest.mark.kernels
 def test_crates_and_packages_of_usd(tmp_path: Path) -> None:
     from pxr import Sdf
 
@@ -235,6 +242,7 @@ def test_usd_without_its_extra_is_named_with_the_line_that_installs_it(monkeypat
         read_solid("a.usda", usd(usd_box("pad")), None, None)
 
 
+@pytest.mark.kernels
 def test_a_gltf_takes_its_buffers_along(tmp_path: Path) -> None:
     (tmp_path / "a.gltf").write_bytes(gltf([{"mesh": 0}], False, "the%20box.bin"))
     (tmp_path / "the box.bin").write_bytes(gltf([{"mesh": 0}], True)[-504:])

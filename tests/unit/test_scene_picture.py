@@ -23,6 +23,8 @@ from softseam_protocol.scene.file import load_scene
 from softseam_services.orchestrator.preview import Preview, preview
 from softseam_services.server import Setup, build_setup
 
+pytestmark = pytest.mark.kernels
+
 SCENE = """softseam: 1
 name: look
 step: 0.01
@@ -119,6 +121,7 @@ def test_a_picture_from_a_session(tmp_path: Path) -> None:
     assert pixels.shape[0] > 900 and 0.0005 < red.mean() < 0.05
 
 
+@pytest.mark.slow
 def test_check_draws_without_a_screen_and_without_solvers(tmp_path: Path) -> None:
     """To scene.png where no name is given, whatever follows."""
     ahead(tmp_path, FORCE)

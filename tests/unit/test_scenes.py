@@ -40,6 +40,7 @@ def test_every_scene_is_listed() -> None:
     assert sorted(path.stem for path in SCENES.glob("*.yaml")) == sorted([*CELLS, *PARTICLES])
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", CELLS)
 def test_scene_builds(name: str) -> None:
     loaded = load_scene(SCENES / f"{name}.yaml")
@@ -58,6 +59,7 @@ def test_scene_builds(name: str) -> None:
     assert tools.followed.any() == bool(scene.motion)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", PARTICLES)
 def test_scene_of_particles_builds(name: str) -> None:
     """As heavy as its density says; the cloth case has the constraints that the textbook chapter asks for."""
@@ -76,6 +78,7 @@ def test_scene_of_particles_builds(name: str) -> None:
         assert len(body.bends.stiffness) == 4_998 + 2_500
 
 
+@pytest.mark.kernels
 def test_tofu_settles_on_its_own_and_turns_near_as_plates_approach() -> None:
     """The reference wants plates clear of the cube at first; the switch wants them farther than `within`."""
     loaded = load_scene(SCENES / "tofu_grasp.yaml")
@@ -90,6 +93,7 @@ def test_tofu_settles_on_its_own_and_turns_near_as_plates_approach() -> None:
         assert tools.position[t, 2] - tools.shape[t, 2] <= 0.0  # covers the lowest points, or they spread under it
 
 
+@pytest.mark.kernels
 def test_the_heavy_layer_and_the_stiff_core_are_where_their_headers_say() -> None:
     """A layer to the middle of the body, five times as heavy; a core of 32 octants, 4 % larger than its sphere."""
     (layer,) = check_body(_body("heavy_on_soft")).parts

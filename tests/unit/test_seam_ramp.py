@@ -58,6 +58,7 @@ RUNS: dict[str, Any] = {
 }
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", RUNS)
 def test_compliance_of_a_ramp_is_the_derivative_of_the_velocities(name: str) -> None:
     run = moving(RUNS[name]())
@@ -75,6 +76,7 @@ def test_compliance_of_a_ramp_is_the_derivative_of_the_velocities(name: str) -> 
     assert off < (0.06 if name == "pbd" else 1e-3), off
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", RUNS)
 def test_a_ramp_that_does_not_rise_is_a_constant_force(name: str) -> None:
     one, two = moving(RUNS[name]()), moving(RUNS[name]())
@@ -87,6 +89,7 @@ def test_a_ramp_that_does_not_rise_is_a_constant_force(name: str) -> None:
     assert constant.coupling_v.shape == (0, 3)
 
 
+@pytest.mark.kernels
 def test_every_substep_of_pbd_feels_its_own_force() -> None:
     """A ramp over a step of seven substeps is seven steps of one substep under forces that rise by a seventh."""
     run, parts = pbd(), pbd(1)
@@ -104,12 +107,13 @@ def test_every_substep_of_pbd_feels_its_own_force() -> None:
     assert whole.coupling_work == pytest.approx(work, rel=1e-4)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ["bdf2", "newmark"])
 def test_a_ramp_works_over_parts_of_a_step_as_over_as_many_steps(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A step that is too hard at once is taken in parts."""
     monkeypatch.setattr("softseam_services.fem.step._CAREFUL_ITERATIONS", 4)
     hard, parts = fem(name), fem(name)
-    hard.solver._stepper._spec = hard.solver._stepper._spec.model_copy(update={"iterations": 4})
+    hard.stepper._spec = hard.stepper._spec.model_copy(update={"iterations": 4})
     start, end = 300.0 * forces(hard, 3), 300.0 * forces(hard, 4)
     reply = hard.solver.advance(ramped(hard, start, end))
     n = reply.n_substeps
@@ -124,6 +128,7 @@ def test_a_ramp_works_over_parts_of_a_step_as_over_as_many_steps(name: str, monk
     assert reply.coupling_work == pytest.approx(work, rel=1e-6)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("name", "acts", "works"),
     [("implicit_euler", 1.0, 1.0), ("midpoint", 0.5, 0.5), ("bdf2", 1.0, 0.5), ("newmark", 1.0, 0.5)],
@@ -138,6 +143,7 @@ def test_where_a_ramp_acts_and_works(name: str, acts: float, works: float) -> No
     assert velocity_gain(scheme, DT, 0.0) == 1.0 / (first * DT)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ["implicit_euler", "pbd"])
 def test_ramps_that_make_no_sense_are_refused(name: str) -> None:
     run = RUNS[name]()

@@ -29,6 +29,7 @@ print(sum(sum(d.stats.cache_hits.values()) for d in ours))
 """
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 def test_kernels_of_fem_come_from_the_cache() -> None:
     """Whatever a step of FEM calls from Python is loaded, not compiled, once another process has compiled it."""
@@ -61,6 +62,7 @@ def test_a_model_is_compiled_ahead_where_it_never_was_and_can_be_kept(
     assert warm_up.never_compiled("fem", "step_derivative") and not warm_up.never_compiled("fem", "step")
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("never", "seen", "told"), [(True, True, True), (True, False, False), (False, True, False)])
 def test_the_first_gradient_says_that_it_compiles(
     never: bool, seen: bool, told: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

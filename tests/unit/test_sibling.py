@@ -16,6 +16,8 @@ from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import scene_json
 from softseam_protocol.scene.scene import Scene
 
+pytestmark = pytest.mark.kernels
+
 
 @pytest.fixture
 def block(tmp_path: Path) -> str:

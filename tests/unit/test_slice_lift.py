@@ -27,6 +27,7 @@ def env() -> Iterator[SliceLift]:
     env.close()
 
 
+@pytest.mark.kernels
 def test_a_mesh_of_ones_own_is_lifted_and_gently_is_worth_more(env: SliceLift) -> None:
     def close_to(force: float) -> Any:
         return lambda info: [0.4, 0.0] if info["grip_force"] < force else [0.0, 0.6]
@@ -39,11 +40,13 @@ def test_a_mesh_of_ones_own_is_lifted_and_gently_is_worth_more(env: SliceLift) -
     assert nothing < 0.0 < hard < gentle
 
 
+@pytest.mark.kernels
 def test_what_is_squeezed_by_half_is_crushed(env: SliceLift) -> None:
     total, info = episode(env, lambda info: [1.0, 0.0], seed=0)
     assert total < 0.0 and info["ending"] in ("crushed", "failed")
 
 
+@pytest.mark.kernels
 def test_it_is_tofu_lift_but_for_the_shape(env: SliceLift) -> None:
     tofu = TofuLift()
     assert (env.action_space, env.observation_space) == (tofu.action_space, tofu.observation_space)
@@ -51,6 +54,7 @@ def test_it_is_tofu_lift_but_for_the_shape(env: SliceLift) -> None:
         assert getattr(SliceLift, name) is getattr(TofuLift, name)
 
 
+@pytest.mark.kernels
 def test_pads_begin_clear_of_all_that_is_drawn_and_grip_the_shorter_side(env: SliceLift) -> None:
     widths = []
     for seed in range(6):
@@ -66,12 +70,14 @@ def test_pads_begin_clear_of_all_that_is_drawn_and_grip_the_shorter_side(env: Sl
     assert max(widths) > 1.1 * min(widths)  # its size is drawn, too
 
 
+@pytest.mark.kernels
 def test_an_episode_knows_nothing_of_those_before_it(env: SliceLift) -> None:
     fresh = SliceLift(MESH, settings=SMALL, reward=FULL)
     assert bits(env, 5, 40) == bits(fresh, 5, 40)
     fresh.close()
 
 
+@pytest.mark.kernels
 def test_a_scene_lends_its_body_whatever_else_is_in_it() -> None:
     """Here a block that a plate pushes, cut in two models, with a probe."""
     env = SliceLift("tofu_push", randomise=None)
@@ -82,6 +88,7 @@ def test_a_scene_lends_its_body_whatever_else_is_in_it() -> None:
     env.close()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("shape", "given", "refused", "told"),
     [

@@ -18,6 +18,8 @@ from gymnasium.utils.env_checker import check_env
 from softseam.gym import BatchEnv, PushGentle, SliceLift, TofuLift, TowelFold
 from softseam.gym.task_env import TaskEnv
 
+pytestmark = pytest.mark.kernels
+
 Make = Callable[[], TaskEnv[Any]]
 EACH = pytest.mark.parametrize(
     ("make", "actions"),

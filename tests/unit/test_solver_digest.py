@@ -37,6 +37,7 @@ def apart(names: set[str]) -> set[str]:
     return {name for name in names if any(fnmatch(name, pattern) for pattern in source_digest.APART)}
 
 
+@pytest.mark.kernels
 @pytest.mark.slow
 def test_what_is_left_out_is_not_loaded_by_a_simulation() -> None:
     ran = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=False)

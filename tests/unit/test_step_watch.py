@@ -57,6 +57,7 @@ def work(seconds: float) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("limit", [0.3, 0.8, 1.3])
 def test_a_step_that_is_not_solved_ends_the_run(limit: float, seen: Observation) -> None:
     began = time.perf_counter()
@@ -67,6 +68,7 @@ def test_a_step_that_is_not_solved_ends_the_run(limit: float, seen: Observation)
     assert limit <= time.perf_counter() - began < 10.0
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("kinds", "words"),
     [
@@ -84,6 +86,7 @@ def test_steps_that_get_nowhere_end_the_run(kinds: tuple[EventKind, ...], words:
             watch.taken(after(seen, step, *kinds))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("seconds", "kinds"),
     [
@@ -131,6 +134,7 @@ def test_who_interrupts_is_not_told_of_a_limit() -> None:
         raise KeyboardInterrupt
 
 
+@pytest.mark.kernels
 def test_a_long_step_is_told_of(seen: Observation, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("softseam.step_watch._TELL", 0.5)
     told: list[tuple[int, float]] = []
@@ -147,6 +151,7 @@ def test_large_bodies_and_services_have_more_time() -> None:
     assert limit_for(300, False) < 30.0 < limit_for(10_000, False) < limit_for(10_000, True)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("gravity", [-9810.0, -5000.0])
 def test_a_scene_in_other_units_ends_in_words(gravity: float, tmp_path: Path) -> None:
     """It is warned of before the first step, and its steps are said to take long."""
@@ -161,6 +166,7 @@ def test_a_scene_in_other_units_ends_in_words(gravity: float, tmp_path: Path) ->
     assert time.perf_counter() - began < 60.0
 
 
+@pytest.mark.kernels
 def test_a_sound_scene_runs_to_its_end(tmp_path: Path) -> None:
     path = tmp_path / "cube.yaml"
     path.write_text(SCENE)
@@ -168,6 +174,7 @@ def test_a_sound_scene_runs_to_its_end(tmp_path: Path) -> None:
     assert report["verdict"]["outcome"] == "finished" and report["steps"] == 5
 
 
+@pytest.mark.kernels
 def test_it_ends_also_where_interrupts_are_ignored(tmp_path: Path) -> None:
     """As they are in what a script runs in the background."""
     path = tmp_path / "cube.yaml"

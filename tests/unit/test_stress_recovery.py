@@ -189,6 +189,7 @@ def _frame(body: Body, cauchy: Floats, x: Floats) -> Frame:
     )  # fmt: skip
 
 
+@pytest.mark.kernels
 def test_probes_report_stress_and_displacement() -> None:
     scene = _scene(2, {"inside": [0.003, -0.004, 0.012], "edge": [0.02, 0.015, 0.02]})
     body = build_body(scene, {})
@@ -201,6 +202,7 @@ def test_probes_report_stress_and_displacement() -> None:
         assert_allclose(found[f"{name}.displacement"], 0.1 * np.linalg.norm(at), rtol=1e-10)
 
 
+@pytest.mark.kernels
 def test_a_probe_beside_a_border_reports_its_own_side() -> None:
     """Stress 7 in one material and 1 in the other; half a cell from the border a mean of both would show."""
     scene = _scene(2, {"own": [0.001, 0.0, 0.007], "other": [0.001, 0.0, 0.013]})

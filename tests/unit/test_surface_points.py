@@ -66,6 +66,7 @@ def test_edges_and_corners_are_pressed_where_they_are(size: tuple[float, float, 
     assert area.sum() == pytest.approx(areas_of(vertices, triangles).sum())
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("cell", [0.005, 0.01, 0.02])
 def test_no_empty_cell_is_kept_for_a_point_inside_a_fold(cell: float) -> None:
     """A step with a slope of 45 degrees: at its foot, a line of the lattice, what is nearest to a vertex has its middle

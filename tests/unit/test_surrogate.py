@@ -56,6 +56,7 @@ def test_claims_cover_what_was_not_run() -> None:
     assert float(surrogate.claims.max()) < 0.03
 
 
+@pytest.mark.kernels
 def test_a_scene_is_told_as_fem_finds_it(tmp_path: Path) -> None:
     """Pieces that were not run, at every step of theirs; by hand, without the session that made the surrogate."""
     settings = ["motion=[{tools: [left, right], close: 0.02, until: {compression: 0.15}}]", "body.cell=0.025"]
@@ -131,11 +132,13 @@ def test_bad_wishes_are_named(
     assert not (tmp_path / "a.json").exists()
 
 
+@pytest.mark.kernels
 def test_a_scene_that_squeezes_nothing_is_named() -> None:
     with pytest.raises(BadInput, match="is squeezed in 0 steps"):
         learn("cantilever", [Varied("body.material.young", 1e5, 2e5)], ["peak_von_mises"], 20, ["duration=0.01"])
 
 
+@pytest.mark.kernels
 def test_a_run_that_fails_says_with_which_values() -> None:
     high = [f"tools.{pad}.position=[{x}, 0, 0.3]" for pad, x in (("left", -0.02), ("right", 0.02))]
     missing = [*high, "motion=[{tools: [left, right], close: 0.5, until: {force: 5}}]"]

@@ -45,6 +45,7 @@ FILES = {
 }  # fmt: skip
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("name", "text"), FILES.values(), ids=FILES.keys())
 def test_the_same_box(name: str, text: str) -> None:
     vertices, triangles, _ = read_solid(name, text.encode(), 0.01, "z")
@@ -52,6 +53,7 @@ def test_the_same_box(name: str, text: str) -> None:
     assert len(read_tetrahedra(name, text.encode()).cells) == 6
 
 
+@pytest.mark.kernels
 def test_regions_are_parts() -> None:
     vertices, triangles, _ = read_solid("a.ele", (node(1) + ele(1, True)).encode(), 0.01, "z", "region 2")
     assert enclosed_volume(vertices, triangles) == pytest.approx(12e-6, rel=1e-12)
@@ -94,6 +96,7 @@ tools: {ground: {kind: plane}}
 """
 
 
+@pytest.mark.kernels
 def test_a_scene_names_one_of_the_two_files(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(SCENE)

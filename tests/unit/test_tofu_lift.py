@@ -60,6 +60,7 @@ def several(env: TofuLift, rule: Rule, pieces: int = 5) -> tuple[float, float, f
 # ---- what is rewarded
 
 
+@pytest.mark.kernels
 def test_who_lifts_gently_is_rewarded_most(env: TofuLift) -> None:
     """Doing nothing is worth less than any lift, and pressing by 2 N more than squeezing to the same height."""
     nothing, lifted, _ = several(env, lambda info: [0.0, 0.0], 3)
@@ -71,6 +72,7 @@ def test_who_lifts_gently_is_rewarded_most(env: TofuLift) -> None:
     assert 2.5 < hard + 0.3 < gentle
 
 
+@pytest.mark.kernels
 def test_on_the_way_to_a_lift_every_phase_pays(env: TofuLift) -> None:
     """Closing, touching and rising each: no valley, as of a reward of stress and height alone, keeps an agent away."""
     _, info = env.reset(seed=1)
@@ -84,6 +86,7 @@ def test_on_the_way_to_a_lift_every_phase_pays(env: TofuLift) -> None:
     assert info["is_success"] and min(rewards.values()) > 0.0
 
 
+@pytest.mark.kernels
 def test_rewards_add_up_to_the_potentials(env: TofuLift) -> None:
     """Of a lift: 2 for the height, 1 for success, the air that was there, and the stress that it took."""
     total, info = episode(env, pressed(2.0), seed=1)
@@ -113,6 +116,7 @@ def test_terms_are_changes_of_potentials() -> None:
     assert Lift().of(one, replace(other, lift=0.05), 0.0) == 2.0  # no more than the height
 
 
+@pytest.mark.kernels
 def test_a_weight_grows_with_the_steps_of_all_environments() -> None:
     ramp = Ramp(100.0, 300.0, 0.5)
     assert [ramp.at(steps) for steps in (0, 100, 200, 300, 1e9)] == [0.0, 0.0, 0.25, 0.5, 0.5]
@@ -136,6 +140,7 @@ def ramp_at(steps: float) -> float:
 # ---- what is seen
 
 
+@pytest.mark.kernels
 def test_what_is_seen_is_of_order_one_and_says_what_happens(env: TofuLift) -> None:
     _, info = env.reset(seed=2)
     seen, over = [], False
@@ -154,6 +159,7 @@ def test_what_is_seen_is_of_order_one_and_says_what_happens(env: TofuLift) -> No
     assert columns["time"][0] == pytest.approx(1 / 80)
 
 
+@pytest.mark.kernels
 def test_forces_are_felt_alike_in_both_models_whatever_the_step() -> None:
     """Means over an action: while the pads close, the force at its end is some three times that of a mean by XPBD."""
     felt, ends = [], []
@@ -172,6 +178,7 @@ def test_forces_are_felt_alike_in_both_models_whatever_the_step() -> None:
     assert (np.array(ends[:3]) > 1.1 * fine).all()
 
 
+@pytest.mark.kernels
 def test_pads_open_no_wider_than_they_began_and_sink_no_lower(env: TofuLift) -> None:
     """Noise closes as often as it opens: without a stop it would lead away from the tofu."""
     env.reset(seed=0)
@@ -183,6 +190,7 @@ def test_pads_open_no_wider_than_they_began_and_sink_no_lower(env: TofuLift) -> 
         np.testing.assert_allclose(env.session.last.tools[name].position, start[name], atol=1e-9)
 
 
+@pytest.mark.kernels
 def test_an_episode_knows_nothing_of_those_before_it(env: TofuLift) -> None:
     """In an environment that was crushed and lifted with, and in a fresh one: the same bits."""
     fresh, found = TofuLift(reward=FULL), []
@@ -200,6 +208,7 @@ def test_an_episode_knows_nothing_of_those_before_it(env: TofuLift) -> None:
 # ---- how episodes end
 
 
+@pytest.mark.kernels
 def test_what_is_crushed_ends_the_episode(env: TofuLift) -> None:
     env.reset(seed=0)
     terminated = False
@@ -210,6 +219,7 @@ def test_what_is_crushed_ends_the_episode(env: TofuLift) -> None:
     assert "failed" in info or info["compression"] >= 0.5
 
 
+@pytest.mark.kernels
 def test_a_step_without_a_solution_counts_as_crushed(env: TofuLift, monkeypatch: pytest.MonkeyPatch) -> None:
     env.reset(seed=0)
 
@@ -224,6 +234,7 @@ def test_a_step_without_a_solution_counts_as_crushed(env: TofuLift, monkeypatch:
 # ---- how pieces differ
 
 
+@pytest.mark.kernels
 def test_pieces_differ_within_their_spreads_and_seeds_bring_them_back() -> None:
     env = TofuLift(randomise=Randomise(young=0.2, size=0.1), settings=["body.material.young=40e3"])
     first: list[list[float]] = []

@@ -39,6 +39,7 @@ def lines(scene: Scene) -> list[np.ndarray]:
     return [np.unique(np.round(corners[:, axis], 9)) for axis in range(3)]
 
 
+@pytest.mark.kernels
 def test_cells_end_at_the_edges_of_the_pad() -> None:
     x, y, z = lines(pads())
     assert {0.017, 0.037} <= set(y) and {0.01, 0.04} <= set(z)
@@ -49,12 +50,14 @@ def test_cells_end_at_the_edges_of_the_pad() -> None:
     np.testing.assert_allclose(np.diff(z), [0.01, 0.006, 0.018, 0.006, 0.01], atol=1e-9)
 
 
+@pytest.mark.kernels
 def test_without_grading_pieces_have_equal_cells() -> None:
     _, y, z = lines(pads(grading=1.0))
     np.testing.assert_allclose(z, [0.0, 0.01, 0.02, 0.03, 0.04, 0.05], atol=1e-9)
     np.testing.assert_allclose(np.diff(y), [0.0085, 0.0085, 0.01, 0.01, 0.013], atol=1e-9)
 
 
+@pytest.mark.kernels
 def test_each_axis_has_its_own_grading() -> None:
     apart = lines(pads(grading=(1.0, 2.0, 4.0)))
     for axis, alone in enumerate((1.0, 2.0, 4.0)):
@@ -70,6 +73,7 @@ def test_a_grading_out_of_range_is_refused_by_its_axis() -> None:
         pads(grading=(1.0, 1.0, 21.0))
 
 
+@pytest.mark.kernels
 def test_a_plate_over_the_whole_face_grades_as_grading_alone_does_beside_it() -> None:
     """Its edges are beyond the block's, so cells are thinner at the block's faces, but behind not."""
     covering = lines(pads(4.0, size=(0.01, 0.08, 0.08)))

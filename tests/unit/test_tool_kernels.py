@@ -32,6 +32,7 @@ def matrix(q: np.ndarray) -> np.ndarray:
     )
 
 
+@pytest.mark.kernels
 def test_quaternions_turn_as_their_matrix() -> None:
     q, v = quaternion(1), np.array([0.3, -0.7, 1.1])
     np.testing.assert_allclose(rotate(q, *v), matrix(q) @ v, atol=1e-15)
@@ -51,6 +52,7 @@ def box_surface(n: int) -> np.ndarray:
     return np.concatenate(faces)
 
 
+@pytest.mark.kernels
 def test_box_distance_is_the_nearest_point_of_its_surface() -> None:
     """Brute force over a grid of spacing h overestimates by at most h/sqrt(2)."""
     n = 61
@@ -71,6 +73,7 @@ def test_box_distance_is_the_nearest_point_of_its_surface() -> None:
         assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-14)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("kind", "shape"), [(PLANE, [0.0, 0.6, 0.8]), (BOX, SHARP), (SPHERE, [0.4, 0.0, 0.0])])
 def test_normal_is_the_gradient_of_the_gap(kind: int, shape: list[float]) -> None:
     position, q, h = np.array([0.2, 0.1, -0.3]), quaternion(7), 1e-6
@@ -87,6 +90,7 @@ def test_normal_is_the_gradient_of_the_gap(kind: int, shape: list[float]) -> Non
         np.testing.assert_allclose(normal, gradient, atol=1e-5)
 
 
+@pytest.mark.kernels
 def test_plane_and_sphere_closed_forms() -> None:
     identity = np.array([1.0, 0.0, 0.0, 0.0])
     half_turn_x = np.array([0.0, 1.0, 0.0, 0.0])
@@ -100,6 +104,7 @@ def test_plane_and_sphere_closed_forms() -> None:
     assert np.linalg.norm(normal) == 1.0
 
 
+@pytest.mark.kernels
 def test_cell_distance_is_the_least_over_nodes_and_near_tools() -> None:
     rng = np.random.default_rng(4)
     x = rng.uniform(-1, 1, size=(60, 3))

@@ -64,6 +64,7 @@ def gaps(kind: int, shape: Floats, at: Floats) -> Floats:
     return np.array([tool_gap(kind, shape, HERE, UPRIGHT, p) for p in at])
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", SOLIDS)
 @settings(deadline=None, max_examples=60)
 @given(q=turns, a=points, b=points)
@@ -80,6 +81,7 @@ def test_the_gap_is_a_distance(name: str, q: Floats, a: Floats, b: Floats) -> No
     assert gap_a >= np.linalg.norm(a - position) - SHAPES[name].build(SPECS[name], {}).reach - 1e-12
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", SOLIDS)
 def test_the_normal_is_the_gradient(name: str) -> None:
     kind, shape = SOLIDS[name]
@@ -94,6 +96,7 @@ def test_the_normal_is_the_gradient(name: str) -> None:
         np.testing.assert_allclose(normal, gradient, atol=1e-5)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ["capsule", "cylinder"])
 def test_distances_are_to_the_nearest_point_of_the_surface(name: str) -> None:
     """Brute force over a fine outline, whose spacing bounds what it may be too large by."""
@@ -123,6 +126,7 @@ def test_distances_are_to_the_nearest_point_of_the_surface(name: str) -> None:
 LINE = np.linspace(-1.0, 1.0, 81)
 
 
+@pytest.mark.kernels
 def test_poses() -> None:
     """Turns compose, the later one in the world's frame; a cylinder's axis is where it is told to be."""
     about_x, about_z = np.array([0.5 * np.pi, 0.0, 0.0]), np.array([0.0, 0.0, 0.5 * np.pi])
@@ -136,6 +140,7 @@ def test_poses() -> None:
         assert tool_gap(CYLINDER, np.array([0.1, 1.0, 0.0]), HERE, q, 2.0 * tip)[0] == pytest.approx(1.0)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ["box", "sphere", "capsule", "cylinder"])
 def test_extents_are_those_of_the_points_inside(name: str) -> None:
     kind, shape = SOLIDS[name]
@@ -153,6 +158,7 @@ def test_extents_are_those_of_the_points_inside(name: str) -> None:
 # ---- meshes --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.kernels
 def test_a_box_mesh_is_the_box() -> None:
     """Beside its faces to rounding; beside edges, which the grid rounds, to a fifth of a spacing."""
     half = np.array([0.02, 0.015, 0.01])
@@ -170,6 +176,7 @@ def test_a_box_mesh_is_the_box() -> None:
     assert pytest.approx(0.04 / FINENESS) == h
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("size", "off"),
     [
@@ -202,6 +209,7 @@ def test_a_thin_flange_of_a_thick_handle_is_told(flange: float, told: bool) -> N
     assert [note.startswith("beneath ") for note in notes] == [True] * told
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("wall", "filled"), [(2.5e-4, True), (8e-4, True), (3e-3, False)])
 def test_hollow_tools_of_thin_walls_are_filled(wall: float, filled: bool) -> None:
     """The walls are thinner than the grid sees: a finger printed hollow was felt by nothing. Others stay hollow."""
@@ -214,6 +222,7 @@ def test_hollow_tools_of_thin_walls_are_filled(wall: float, filled: bool) -> Non
     assert ["what is hollow was filled" in note for note in mesh.notes] == [True] * filled
 
 
+@pytest.mark.kernels
 def test_a_sphere_mesh_is_the_sphere() -> None:
     """8192 facets on a radius of 20 mm, which lie up to 19 um below it: the grid adds next to nothing to that."""
     mesh, radius = of(*sphere(0.02, 5)), 0.02
@@ -225,6 +234,7 @@ def test_a_sphere_mesh_is_the_sphere() -> None:
     assert np.einsum("ni,ni->n", found[:, 1:], exact[:, 1:]).min() > np.cos(np.radians(2.0))
 
 
+@pytest.mark.kernels
 def test_a_mesh_that_is_not_convex() -> None:
     """An L of two boxes: outside, the distance is the lesser of the two; the sign is that of the winding number."""
     mesh = of(*angle((0.03, 0.01), (0.01, 0.03), 0.02))
@@ -242,6 +252,7 @@ def test_a_mesh_that_is_not_convex() -> None:
     np.testing.assert_array_equal((found < 0.0)[clear], (turns > 0.5)[clear])
 
 
+@pytest.mark.kernels
 def test_a_mesh_gap_is_smooth_and_steps_nowhere() -> None:
     """Its normal is the interpolated gradient; along any way the gap changes by hardly more than the way, also where
     the grid ends."""
@@ -260,6 +271,7 @@ def test_a_mesh_gap_is_smooth_and_steps_nowhere() -> None:
         np.testing.assert_allclose(normal, gradient / np.linalg.norm(gradient), atol=1e-4)
 
 
+@pytest.mark.kernels
 def test_far_from_the_grid_the_gap_is_never_too_small() -> None:
     mesh, radius = of(*sphere(0.02, 4)), 0.02
     at = np.random.default_rng(7).uniform(-0.2, 0.2, (500, 3))
@@ -269,6 +281,7 @@ def test_far_from_the_grid_the_gap_is_never_too_small() -> None:
     assert (found <= 1.06 * exact + 1e-4)[far].all()
 
 
+@pytest.mark.kernels
 def test_a_mesh_is_made_once_for_the_same_content() -> None:
     data = obj(*box((0.04, 0.03, 0.02)))
     first = tool_mesh("a.obj", data, 1.0, "z")
@@ -280,6 +293,7 @@ CROSSING = [box((0.04, 0.03, 0.02)), box((0.04, 0.03, 0.02), (0.01, 0.01, 0.01))
 """the least may be a cavity, so that they are not united"""
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("vertices", "triangles", "words"),
     [

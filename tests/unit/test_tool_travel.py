@@ -13,6 +13,8 @@ from softseam_services.tools.build import build_tools
 from softseam_services.tools.motion import tool_motion
 from softseam_services.tools.travel import beyond_middle, parts_needed
 
+pytestmark = pytest.mark.kernels
+
 BODY = {
     "shape": {"kind": "block", "size": [0.02, 0.02, 0.02]},
     "cell": 0.02,

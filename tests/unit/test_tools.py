@@ -45,6 +45,7 @@ def ball(position: list[float], radius: float = 0.01) -> dict[str, object]:
     return {"kind": "sphere", "radius": radius, "position": position}
 
 
+@pytest.mark.kernels
 def test_arrays_follow_the_scene() -> None:
     tools = build_tools(scene({"ground": GROUND, "b": box([0.1, 0, 0]), "s": ball([0, 0.2, 0])}))
     assert tools.names == ("ground", "b", "s")
@@ -55,6 +56,7 @@ def test_arrays_follow_the_scene() -> None:
     np.testing.assert_array_equal(tools.orientation, [[1, 0, 0, 0]] * 3)
 
 
+@pytest.mark.kernels
 def test_followed_tools_are_those_that_move_unless_named() -> None:
     tools = {"ground": GROUND, "a": box([0.1, 0, 0]), "b": box([-0.1, 0, 0])}
     motion = [{"hold": 0.1}, {"tools": ["a", "b"], "close": 0.02, "until": {"time": 1.0}}]
@@ -66,6 +68,7 @@ def test_followed_tools_are_those_that_move_unless_named() -> None:
     assert build_tools(scene({})).shape.shape == (0, 3)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     "tool",
     [
@@ -86,6 +89,7 @@ def test_touching_is_allowed(tool: dict[str, object]) -> None:
     build_tools(spec, build_body(spec, FILES), FILES)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     "tool",
     [
@@ -111,6 +115,7 @@ def test_tools_inside_the_body_are_refused_by_name(tool: dict[str, object]) -> N
     assert "fine" not in str(caught.value)
 
 
+@pytest.mark.kernels
 def test_embedded_bodies_are_checked_on_their_true_surface() -> None:
     """A ball in the corner of the bounding box of a sphere does not touch it."""
     spec = scene({"ball": ball([0.017, 0.017, 0.037], 0.005)})
@@ -127,6 +132,7 @@ def test_embedded_bodies_are_checked_on_their_true_surface() -> None:
         build_tools(inside, body)
 
 
+@pytest.mark.kernels
 def test_long_tools_lie_along_their_axis_and_meshes_are_centred() -> None:
     tools = build_tools(
         scene({"a": long("capsule", [0.1, 0, 0], [0, 3, 0]), "b": box([0, 0, 1.0]), "m": mesh([0, 0, 2.0])}),
@@ -149,6 +155,7 @@ def test_a_mesh_without_its_file_and_an_axis_of_zero_are_refused() -> None:
         scene({"a": long("capsule", [0.1, 0, 0], [0, 0, 0])})
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("above", [1e-18, -3e-17, 2e-16])
 def test_rounding_is_no_place(above: float) -> None:
     """A body on the ground stands at z 0 in what is said of it."""

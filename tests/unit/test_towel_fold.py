@@ -52,6 +52,7 @@ def fold(env: TowelFold, rule: Rule, seed: int) -> tuple[float, dict[str, Any]]:
     return total, info
 
 
+@pytest.mark.kernels
 def test_a_scripted_fold_is_one_and_stays_one(env: TowelFold) -> None:
     """Towels of other weight, stiffness and friction, too; let go, the corners stay where they are."""
     for seed in range(2):
@@ -65,6 +66,7 @@ def test_a_scripted_fold_is_one_and_stays_one(env: TowelFold) -> None:
     assert x[:, 2].max() < 0.1 * EDGE
 
 
+@pytest.mark.kernels
 def test_nothing_and_half_a_fold_score_less(env: TowelFold) -> None:
     nothing, idle = fold(env, lambda seen: np.zeros(6), 0)
     half_way = over_an_arc()
@@ -74,17 +76,20 @@ def test_nothing_and_half_a_fold_score_less(env: TowelFold) -> None:
     assert nothing < 0.0 and nothing + 0.2 < half < whole - 1.0
 
 
+@pytest.mark.kernels
 def test_a_towel_that_is_pulled_apart_is_torn(env: TowelFold) -> None:
     total, info = fold(env, lambda seen: np.array([0.0, -1.0, 0.0, 0.0, 1.0, 0.0]), 0)
     assert info["ending"] == "torn" and info["stretch"] > TORN and total < -1.0
 
 
+@pytest.mark.kernels
 def test_one_gripper_alone_folds_a_corner_and_not_the_towel(env: TowelFold) -> None:
     arc = over_an_arc()
     _, info = fold(env, lambda seen: arc(seen) * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0], 0)
     assert not info["is_success"] and info["corners"] > 0.3 and info["area"] < 0.9
 
 
+@pytest.mark.kernels
 def test_grippers_sink_no_lower_than_they_began_and_hold_two_corners(env: TowelFold) -> None:
     env.reset(seed=0)
     start = [env.session.last.tools[name].position for name in GRIPPERS]
@@ -94,6 +99,7 @@ def test_grippers_sink_no_lower_than_they_began_and_hold_two_corners(env: TowelF
     assert info["held"] >= 4.0 and not seen[:6].any()
 
 
+@pytest.mark.kernels
 def test_an_episode_knows_nothing_of_those_before_it(env: TowelFold) -> None:
     fresh = TowelFold(divisions=16)
     assert bits(env, 5, 40) == bits(fresh, 5, 40)

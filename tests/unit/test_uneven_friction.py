@@ -14,6 +14,8 @@ from softseam.closing import print_closing
 from softseam.report import ReportBuilder
 from softseam.scenes import bundle_of
 
+pytestmark = pytest.mark.kernels
+
 CUBE = """\
 softseam: 1
 name: cube

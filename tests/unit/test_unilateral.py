@@ -21,6 +21,7 @@ def system(rng: np.random.Generator, n_rows: int, n_hold: int) -> tuple[Floats, 
     return normal, half @ half.T + 0.1 * np.eye(3 * n_rows), rng.normal(size=(n_rows, 3))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("most", [50, 0])
 @pytest.mark.parametrize("seed", range(8))
 def test_rows_press_or_are_open_and_the_others_hold(seed: int, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -37,6 +38,7 @@ def test_rows_press_or_are_open_and_the_others_hold(seed: int, most: int, monkey
     assert 0 < (p > 0.0).sum() < presses.sum()
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("most", [50, 0])
 @pytest.mark.parametrize("seed", range(8))
 def test_rows_with_friction_stick_or_slide(seed: int, most: int, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,6 +58,7 @@ AWAY = [0.0, 0.025, 0.05, 0.025, 0.0, 0.0, 0.05, 0.1]
 HELD = [5.0, 5.0, 5.0, 5.0, 5.0, 0.0, 0.0, 0.0]
 
 
+@pytest.mark.kernels
 def test_a_turn_of_the_fingers_is_no_rise() -> None:
     """One goes up by 16 mm and the other down by as much, about their middle, after a lift of 50 mm: no slip."""
     turned = scene(CLOSE, UP, {"tools": FINGERS, "turn": [0, 0.5, 0], "speed": 0.5})
@@ -87,6 +88,7 @@ def test_which_tools_lift(motion: list[dict[str, Any]], names: tuple[str, ...]) 
     assert lifters(scene(*motion)) == names
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("known", [True, False])
 def test_what_was_lowered_before_it_was_let_go_is_set_down(known: bool) -> None:
     """Also where the height of the body is not among the scene's quantities."""
@@ -95,6 +97,7 @@ def test_what_was_lowered_before_it_was_let_go_is_set_down(known: bool) -> None:
     assert found.outcome == "set down" and "rose by 50.0 mm" in found.text and "down again before" in found.text
 
 
+@pytest.mark.kernels
 def test_what_leans_on_one_finger_is_let_go_when_the_other_goes_up() -> None:
     """It was "lifted" by half of that finger's way."""
     off = scene(CLOSE, UP, DOWN, {"tools": ["right"], "move": [0.02, 0, 0.01], "speed": 0.05})
@@ -103,6 +106,7 @@ def test_what_leans_on_one_finger_is_let_go_when_the_other_goes_up() -> None:
     assert found.outcome == "set down" and "rose by 50.0 mm" in found.text
 
 
+@pytest.mark.kernels
 def test_what_is_set_down_on_something_higher_stays_there() -> None:
     """Fingers that lower it by half and part: it stays where it is."""
     z, body = [0.0, 0.05, 0.025, 0.025, 0.1], [0.0, 0.05, 0.025, 0.025, 0.025]
@@ -110,6 +114,7 @@ def test_what_is_set_down_on_something_higher_stays_there() -> None:
     assert found.outcome == "set down" and "lowered to 25.0 mm" in found.text
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("z", "body", "force"),
     [
@@ -129,11 +134,13 @@ def test_what_fell_or_stayed_below_is_not_set_down(
     assert verdict(PLACED, z, body, force).outcome == "dropped"
 
 
+@pytest.mark.kernels
 def test_what_is_lowered_and_still_held_is_not_set_down() -> None:
     z = [0.0, 0.025, 0.05, 0.025, 0.0]
     assert verdict(scene(CLOSE, UP, DOWN), z, z, [5.0] * 5).outcome == "finished"
 
 
+@pytest.mark.kernels
 def test_the_curves_show_the_same_rise() -> None:
     """The dashed line ends where the verdict has it, and begins where the tools begin to rise."""
     run = columns([0.02, 0.0, 0.05, 0.066], [0.02, 0.0, 0.05, 0.034], None, [0.0, 5.0, 5.0, 5.0])
@@ -177,11 +184,13 @@ def pressed(force: float, body: Sequence[float], fixed: bool = False) -> Verdict
     return judge(motion, found, True)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("fixed", [False, True])
 def test_what_is_pressed_and_left_was_not_to_be_lifted(fixed: bool) -> None:
     assert pressed(2.0, [0.0] * 4, fixed).outcome == "finished"
 
 
+@pytest.mark.kernels
 def test_what_lay_on_a_tool_that_goes_up_was() -> None:
     """A spatula under it: it presses the tool down, and comes up with it, or slides off."""
     assert pressed(-2.0, [0.0, 0.0, 0.002, 0.004]).outcome == "dropped"  # nothing lies on it in the end

@@ -32,6 +32,7 @@ def surface(run: Squeeze) -> DisplaySurface:
     return DisplaySurface(run.begin.surfaces["body"])
 
 
+@pytest.mark.kernels
 def test_a_cube_has_sharp_edges(run: Squeeze, surface: DisplaySurface) -> None:
     """Inside a face one vertex a point, on an edge two, in a corner three; all normals are straight."""
     per_point = np.bincount(surface.vertex_point)
@@ -43,6 +44,7 @@ def test_a_cube_has_sharp_edges(run: Squeeze, surface: DisplaySurface) -> None:
     assert (np.einsum("ij,ij->i", normals, outward) > 0.0).all()
 
 
+@pytest.mark.kernels
 def test_a_smooth_surface_is_not_split() -> None:
     """An octahedron subdivided into a sphere keeps one vertex a point."""
     ball = tool_shapes(Squeeze(1).scene, 0.05, {})[3]
@@ -54,6 +56,7 @@ def test_a_smooth_surface_is_not_split() -> None:
     assert len(sphere.vertex_point) == len(points)
 
 
+@pytest.mark.kernels
 def test_stress_on_the_surface_is_exact_for_a_constant_and_bounded_for_any(
     run: Squeeze, surface: DisplaySurface
 ) -> None:
@@ -63,6 +66,7 @@ def test_stress_on_the_surface_is_exact_for_a_constant_and_bounded_for_any(
     assert seen.min() >= values.min() and seen.max() <= values.max()
 
 
+@pytest.mark.kernels
 def test_stress_on_the_surface_follows_a_linear_field_along_it(run: Squeeze, surface: DisplaySurface) -> None:
     """A field linear in y is met at points away from the edges that bound y."""
     octant = np.array([[o & 1, o >> 1 & 1, o >> 2 & 1] for o in range(8)]) - 0.5
@@ -72,6 +76,7 @@ def test_stress_on_the_surface_follows_a_linear_field_along_it(run: Squeeze, sur
     assert_allclose(surface.at_points(centres[..., 1])[inner], points[inner, 1], atol=1e-12)
 
 
+@pytest.mark.kernels
 def test_empty_octants_do_not_count(run: Squeeze) -> None:
     mesh = run.begin.surfaces["body"]
     fill = mesh.fill.copy()
@@ -82,12 +87,14 @@ def test_empty_octants_do_not_count(run: Squeeze) -> None:
     assert top <= 1.0 + 1e-12
 
 
+@pytest.mark.kernels
 def test_triangles_belong_to_the_region_of_their_cell(run: Squeeze, surface: DisplaySurface) -> None:
     near = surface.near(run.near.astype(np.int8))
     middle = run.begin.surfaces["body"].point_rest[run.begin.surfaces["body"].triangles].mean(axis=1)
     assert_allclose(near, np.abs(middle[:, 0]) > 0.0125)
 
 
+@pytest.mark.kernels
 def test_cell_lines_lie_on_the_grid(run: Squeeze, surface: DisplaySurface) -> None:
     """Each of the 6 faces has 5 lines each way, of 8 pieces; those on the cube's 12 edges are shared by two faces."""
     assert len(surface.cell_lines) == 6 * 10 * 8 - 12 * 8
@@ -107,6 +114,7 @@ def test_von_mises(stress: list[float], expected: float) -> None:
     assert_allclose(von_mises(np.array(stress)), expected, atol=1e-12)
 
 
+@pytest.mark.kernels
 def test_tools_are_closed_and_face_outwards(run: Squeeze) -> None:
     """The divergence theorem: the volume of a box and (to the mesh) of a ball; a plane looks along its normal."""
     ground, left, _, ball = tool_shapes(run.scene, 0.05, {})
@@ -117,6 +125,7 @@ def test_tools_are_closed_and_face_outwards(run: Squeeze) -> None:
     assert np.cross(b - a, c - a)[2] > 0.0
 
 
+@pytest.mark.kernels
 def test_long_tools_and_meshes_are_closed_and_face_outwards(run: Squeeze) -> None:
     """Volumes of a capsule, a cylinder and a mesh; normals and lines lie on the surface."""
     r, length = 0.01, 0.03

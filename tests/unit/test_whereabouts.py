@@ -18,6 +18,8 @@ from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.orchestrator.whereabouts import Whereabouts
 from softseam_services.tools.build import build_tools
 
+pytestmark = pytest.mark.kernels
+
 BLOCK = {
     "shape": {"kind": "block", "size": [0.04, 0.04, 0.04]},
     "cell": 0.02,
