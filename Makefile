@@ -2,7 +2,7 @@
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
-.PHONY: help demo dev chart rivals lifts references plans atlas claims shapes results pages figures course bus pbd batch test lint types lock clean
+.PHONY: help demo dev fast chart rivals lifts references plans atlas claims shapes results pages figures course bus pbd batch test lint types lock clean
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
@@ -18,7 +18,10 @@ demo: $(VENV)/.run ## grasp a block of tofu with real processes; leaves recordin
 	@$(VENV)/bin/softseam demo
 
 dev: $(VENV)/.dev ## install what contributors need: solvers, viewers, pytest, ruff, mypy
-	@echo "try: $(VENV)/bin/pytest tests/unit -m 'not slow'; every gate: make test"
+	@echo "tests while you work: make fast; every gate: make test"
+
+fast: $(VENV)/.dev ## the tests that enter no compiled kernel, some 2,500 in less than a minute
+	@$(PY) -m pytest -q -n 2 --dist loadfile -m fast tests/unit tests/contract tests/analysis
 
 chart: $(VENV)/.dev ## regenerate docs/results/chart.md: accuracy against speed on this machine
 	@$(PY) tests/benchmarks/chart.py
@@ -67,7 +70,7 @@ pbd: $(VENV)/.dev ## measure how fast the PBD participant is on this machine
 batch: $(VENV)/.dev ## measure how many actions a second many pieces take on this machine
 	@PYTHONPATH=tests $(PY) tests/benchmarks/batch.py
 
-test: $(VENV)/.dev ## every gate: format, lint, types, layers, tests (fast ones first)
+test: $(VENV)/.dev ## every gate: format, lint, fast tests, types, layers, all other tests
 	@sh .ci/gates $(PY)
 
 lint: $(VENV)/.dev ## format and lint the sources in place

@@ -88,6 +88,7 @@ def heard(buses: Sequence[Bus]) -> set[str]:
     return set.intersection(*(bus.live(KEYS.every_live("participant")) for bus in buses))
 
 
+@pytest.mark.slow
 def test_all_are_heard_of_again(endpoint: str) -> None:
     """By another peer, and by a client of the router, which answers for all that have no link with them."""
     random.seed(3)

@@ -137,6 +137,7 @@ def test_a_sheet_is_gripped_the_same_over_the_bus(services: Services, bus: Bus) 
     assert "participant_restored" in [event.kind for event in observation.events]
 
 
+@pytest.mark.slow
 def test_several_bodies_are_the_same_over_the_bus(services: Services, bus: Bus) -> None:
     """FEM's process, which holds parts of two of them, is killed meanwhile: reports and last frames, bit for bit."""
     bundle = bundle_scene(with_settings(several(), [f"duration={0.01 * STEPS}"]))
