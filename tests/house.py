@@ -12,6 +12,7 @@ import ast
 import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -20,6 +21,8 @@ LONG = 400
 """lines that no file has more of, in the end"""
 SCENE_AND_VIEW = r"/(scene|view|replay)/|softseam_coupling/regions\.py|orchestrator/cuts\.py"
 """where a region may be called near or far: scene files, pictures, the rule, the cut"""
+PUBLIC = ("_replace", "_fields", "_asdict", "_exit")
+"""methods of named tuples, and of `os`, which begin so and are no secret"""
 BODY_KINDS = r"isinstance\([^)]*(ParticleBody|, Body\)|BodySpec|SheetBody|RopeBody|TetMeshBody)"
 
 Sources = Mapping[str, str]
@@ -115,6 +118,47 @@ def long_files(sources: Sources) -> float:
     return sum(text.count("\n") > LONG for text in sources.values())
 
 
+def private_in_tests(_: Sources) -> float:
+    """Lines of tests that take, patch or import what another file keeps to itself."""
+    return _private_in_tests()
+
+
+@cache
+def _private_in_tests() -> int:
+    return sum(len(_private(ast.parse(path.read_text()))) for path in (ROOT / "tests").rglob("*.py"))
+
+
+def _private(tree: ast.Module) -> set[int]:
+    nodes = list(ast.walk(tree))
+    own = {node.name for node in nodes if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
+    own |= {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    own |= {node.attr for node in nodes if isinstance(node, ast.Attribute) and _of_self(node)}
+    return {
+        node.lineno
+        for node in nodes
+        if isinstance(node, (ast.Attribute, ast.ImportFrom, ast.Call))
+        for name in _taken(node)
+        if name not in own
+    }
+
+
+def _of_self(node: ast.Attribute) -> bool:
+    return isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")
+
+
+def _taken(node: ast.Attribute | ast.ImportFrom | ast.Call) -> list[str]:
+    """Private names that a node takes from elsewhere; those of named tuples and of `os` are none."""
+    if isinstance(node, ast.ImportFrom):
+        names = [alias.name for alias in node.names]
+    elif isinstance(node, ast.Attribute):
+        names = [] if _of_self(node) else [node.attr]
+    else:
+        patches = isinstance(node.func, ast.Attribute) and node.func.attr in ("setattr", "delattr", "setitem")
+        texts = [each.value for each in node.args if patches and isinstance(each, ast.Constant)]
+        names = [text.rpartition(".")[2] for text in texts if isinstance(text, str)]
+    return [name for name in names if re.match("_[a-zA-Z]", name) and name not in PUBLIC]
+
+
 def _run_time(tree: ast.Module) -> list[ast.AST]:
     """Nodes of a module that are not `if TYPE_CHECKING`."""
     types = {
@@ -162,6 +206,7 @@ COUNTS = (
         150,
     ),
     Count("files that are too long", long_files, 0, 0),
+    Count("private names that tests take", private_in_tests, 125, 40),
     Count("imports in percent of lines", import_share, 8.25, 5.0),
 )
 

@@ -41,7 +41,7 @@ def two_threads(console: Console) -> None:
         least = [np.inf, np.inf]
         for _ in range(7):
             for two, run in enumerate(runs):
-                _force(run.scratch.pair, two > 0)
+                let_step_by(run.scratch.pair, two > 0)
                 request = run.request()
                 began = perf_counter()
                 run.solver.advance(request)
@@ -55,10 +55,10 @@ def two_threads(console: Console) -> None:
             blocks.octant,
             solver.parameters.softness,
         )
-        used = sum(each.nbytes for each in arrays) + 2 * solver._scratch.next.buffer.nbytes
+        used = sum(each.nbytes for each in arrays) + 2 * runs[0].work.buffer.nbytes
         used += sum(
             each.nbytes
-            for record in (solver._scratch.arrays, solver._scratch.arrays.contacts)
+            for record in (runs[0].scratch.arrays, runs[0].scratch.arrays.contacts)
             for each in vars(record).values()
             if isinstance(each, np.ndarray)
         )
@@ -74,7 +74,7 @@ def two_threads(console: Console) -> None:
     console.print(table)
 
 
-def _force(pair: TwoThreads, two: bool) -> None:
+def let_step_by(pair: TwoThreads, two: bool) -> None:
     """Let the next step be taken by one thread, or by two."""
     pair._seconds = [1.0, 0.5] if two else [0.5, 1.0]
     pair._n_runs = 0

@@ -41,7 +41,7 @@ def watched(found: Callable[[str], None]) -> Iterator[None]:
 
     def compiled(kernel: Any, sig: Any) -> Any:
         found(f"the kernel {kernel.py_func.__qualname__}")
-        return translate(kernel, sig)  # type: ignore[no-untyped-call]
+        return translate(kernel, sig)
 
     def started(process: Any, *args: Any, **named: Any) -> None:
         found("another process")

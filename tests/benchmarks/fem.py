@@ -78,7 +78,7 @@ def measure(counts: tuple[int, int, int]) -> Row:
     run = FemRun(tofu(cell=(0.05 / counts[0], 0.05 / counts[1], 0.05 / counts[2])))
     build = time.process_time() - began
     solver, stepper = run.solver, run.stepper
-    model, parameters, work = solver._model, solver._parameters, stepper.work
+    model, parameters, work = run.model, run.parameters, run.work
     tree = model.tree
     tools = moved(solver._tools, run.request().tools)
     x = parameters.x_rest.copy()

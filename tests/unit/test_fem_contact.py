@@ -55,9 +55,8 @@ def squeezed_problem(
     scene = block(tools={"ground": {"kind": "plane", "friction": friction}}, body=shape)
     cube = solids.obj(*solids.box((0.05, 0.05, 0.05), (-0.025, -0.025, 0.0)))
     run = FemRun(scene, body=build_body(scene, {"cube.obj": cube}))
-    solver = run.solver
-    model, parameters = solver._model, solver._parameters
-    tree, work = model.tree, solver._stepper.work
+    model, parameters = run.model, run.parameters
+    tree, work = model.tree, run.work
     tools = moved(at_rest(run.tools), ToolMotion(run.position, run.orientation, run.position, run.orientation))
     x = parameters.x_rest - np.array([0.0, 0.0, 1e-5])
     contact = np.zeros((len(run.region.points), 1, N_STATE))

@@ -43,7 +43,7 @@ def resting(tool: str) -> PbdRun:
 def found(run: PbdRun, visits: Ints | None = None) -> tuple[Contacts, Floats]:
     """Pairs of its state, and xw; visits: another order of the points."""
     solver = run.solver
-    model, parameters, state = solver.model.arrays, solver.parameters.arrays, solver._committed
+    model, parameters, state = solver.model.arrays, solver.parameters.arrays, run.committed
     model = model if visits is None else model._replace(visits=visits)
     n, t = solver.model.n_nodes, solver.model.n_tools
     contacts, inputs, xw = new_contacts(model, n, t), new_inputs(t, 0), aligned(n + 8, 4)

@@ -135,8 +135,7 @@ def test_a_ramp_works_over_parts_of_a_step_as_over_as_many_steps(name: str, monk
 )
 def test_where_a_ramp_acts_and_works(name: str, acts: float, works: float) -> None:
     run = fem(name)
-    solver = run.solver
-    scheme = build_scheme(run.scene.models.fem, solver._model, solver._parameters, solver._stepper.work, False)
+    scheme = build_scheme(run.scene.models.fem, run.model, run.parameters, run.work, False)
     assert (forces_at(scheme, DT), works_at(scheme, DT)) == (acts, works)
     first = 0.5 if name != "implicit_euler" else 1.0  # without a history a step of midpoint
     assert forces_at(scheme, 0.0) == first

@@ -57,8 +57,8 @@ def _spectral_radius(run: PbdRun, turn: float) -> float:
     solver, work = run.solver, run.work
     h = turn / solver.parameters.frequency
     request = dataclasses.replace(run.request(), dt=h)
-    solver._scratch.dt, solver._scratch.planned = h, 1
-    state = solver._committed
+    run.scratch.dt, run.scratch.planned = h, 1
+    state = run.committed
     buffer = state.buffer
     force = np.abs(state.force) > 1e-6 * np.abs(state.force).max()
     edge = EDGE / 4.0
