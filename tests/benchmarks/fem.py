@@ -77,7 +77,7 @@ def measure(counts: tuple[int, int, int]) -> Row:
     began = time.process_time()
     run = FemRun(tofu(cell=(0.05 / counts[0], 0.05 / counts[1], 0.05 / counts[2])))
     build = time.process_time() - began
-    solver, stepper = run.solver, run.stepper
+    solver = run.solver
     model, parameters, work = run.model, run.parameters, run.work
     tree = model.tree
     tools = moved(solver._tools, run.request().tools)
