@@ -120,15 +120,6 @@ def test_default_cells_are_as_short_as_a_narrow_tool_asks_for(
 
 
 @both
-def test_rods_at_random_places_and_depths(model: str) -> None:
-    """On default cells XPBD was up to 26 % too firm where rods hardly dip in."""
-    random = np.random.default_rng(5)
-    for _ in range(3):
-        place, depth = tuple(random.uniform(-0.011, 0.011, 2).tolist()), float(random.uniform(1e-3, 5e-3))
-        assert rod(place, None, depth, model=model) == pytest.approx(right_force(depth), rel=WITHIN)
-
-
-@both
 @pytest.mark.parametrize(("radius", "depth"), [(0.02, 2e-3), (0.015, 1.5e-3), (0.03, 2e-3)])
 def test_a_ball_on_a_node_presses_as_hertz_says(radius: float, depth: float, model: str) -> None:
     """Where a ball is felt most firmly; on a bonded layer, by Dimitriadis et al., Biophysical Journal 82 (2002)."""
