@@ -101,8 +101,11 @@ def pytest_runtest_makereport(
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """In CI a skipped test is a failed one."""
     report = yield
-    if report.when == "teardown" and may_be_fast(item) and not is_fast(item):
-        report.user_properties.append(("kernels", bool(item.stash[ENTERED])))
+    if may_be_fast(item) and not is_fast(item):
+        if report.skipped:
+            item.stash[ENTERED].append("what this machine lacks")  # nobody knows that the mark is in vain
+        if report.when == "teardown":
+            report.user_properties.append(("kernels", bool(item.stash[ENTERED])))
     if IN_CI and report.skipped and not hasattr(report, "wasxfail"):
         report.outcome = "failed"
         report.longrepr = f"{item.nodeid} was skipped, which CI does not allow: {report.longrepr}"
