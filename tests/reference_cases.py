@@ -70,11 +70,13 @@ _PLACES = {
 
 
 def pad(n: int) -> Found:
-    """On n^3 cells, through contact, friction lets nothing slip; 5 divides n: pads end between cells."""
+    """On n^3 cells, through contact, friction lets nothing slip; 5 divides n: pads end between cells. An even number is
+    solved on a quarter."""
     tool = {"kind": "box", "size": (0.03, 0.03, 0.01), "friction": 20.0}
     ends = _simulated(
         {
             "name": "pad",
+            "symmetry": ["x", "y"] if n % 2 == 0 else [],
             "step": 0.05,
             "body": {
                 "shape": {"kind": "block", "size": (0.05, 0.05, 0.05)},
