@@ -17,6 +17,7 @@ from softseam_services.body.region import build_region
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.solver import FemSolver
+from softseam_services.fem.state import FemState
 from softseam_services.fem.step import Stepper
 from softseam_services.fem.work import Work
 from softseam_services.tools.build import build_tools
@@ -102,6 +103,11 @@ class FemRun:
     def parameters(self) -> FemParameters:
         """Its numbers."""
         return self.solver._parameters
+
+    @property
+    def committed(self) -> FemState:
+        """The state that the next step begins with."""
+        return self.solver._committed
 
     @property
     def stepper(self) -> Stepper:
