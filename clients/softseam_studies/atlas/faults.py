@@ -1,17 +1,14 @@
-"""Messages between orchestrator and participants that are repeated, lost, late, or sent to someone who has died."""
+"""Runs whose messages fare badly, and what becomes of them."""
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
+from softseam.embedded import faulty, simulate, translated
+from softseam.errors import SimulationFailed
 from softseam_protocol.messages.outcomes import EventKind
-from softseam_protocol.messages.participant import Advance, Configure, Reply, Request
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_studies.atlas.verdicts import Verdict
-
-Fault = Literal["repeated", "request lost", "reply lost", "an old one comes late", "killed", "killed in recovery"]
 
 
 @dataclass(frozen=True)
@@ -23,77 +20,24 @@ class Told:
     failed: str = ""
 
 
-def disturbed(scene: Scene, fault: Fault | None, every: int, after: int = 10) -> Told:
+def disturbed(scene: Scene, fault: str | None, every: int) -> Told:
     """Run a scene while of every so many requests for a step one fares badly, at most once; `None` is undisturbed."""
-    from softseam_services.orchestrator.embedded import EmbeddedTransport
-    from softseam_services.orchestrator.simulation import Simulation
-    from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
-
-    class Faulty(EmbeddedTransport):
-        """Counts the advances to every participant, and does harm to each `every`-th."""
-
-        def __init__(self) -> None:
-            super().__init__()
-            self.count = 0
-            self.harmed = 0
-            self.dying = False
-            self.last: dict[str, Request] = {}
-            self.seen: set[tuple[int, int, int, str]] = set()
-
-        def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
-            names = list(requests)
-            name = names[self.harmed % len(names)]
-            request = requests[name]
-            if self.dying and isinstance(request, Configure):
-                self.dying = False
-                self._servers.pop(name, None)
-                raise ParticipantLost(name, "it died while it was brought back")
-            header = request.header
-            asked = (header.epoch, header.step, header.exchange, name)
-            if fault is None or not isinstance(request, Advance) or asked in self.seen:
-                return super().exchange(requests)
-            self.seen.update((header.epoch, header.step, header.exchange, one) for one in names)
-            self.count += 1
-            old = self.last.get(name)
-            self.last.update(requests)
-            if self.count < after or self.count % every:
-                return super().exchange(requests)
-            self.harmed += 1
-            return self.harm(name, requests, old)
-
-        def harm(self, name: str, requests: Mapping[str, Request], old: Request | None) -> dict[str, Reply]:
-            if fault == "repeated":
-                super().exchange(requests)
-                return super().exchange(requests)
-            if fault == "an old one comes late":
-                replies = super().exchange(requests)
-                if old is not None:
-                    self._server(name).handle(old)
-                return replies
-            if fault == "request lost":
-                raise ParticipantLost(name, "no answer in time")
-            if fault == "reply lost":
-                super().exchange(requests)
-                raise ParticipantLost(name, "no answer in time")
-            self.dying = fault == "killed in recovery"
-            self._servers.pop(name, None)
-            return super().exchange(requests)
-
-    transport = Faulty()
+    transport = None if fault is None else faulty(fault, every)
     digest = hashlib.sha256()
     failed = ""
-    simulation = Simulation(bundle_scene(scene, {}), transport)
+    simulation = simulate(bundle_scene(scene, {}), lambda message: None, transport)
     try:
-        while not simulation.done:
-            report = simulation.step()
-            digest.update(report.wrench.tobytes() + report.momentum.tobytes() + report.tool_position.tobytes())
-        frame = simulation.frame()
+        with translated():
+            while not simulation.done:
+                report = simulation.step()
+                digest.update(report.wrench.tobytes() + report.momentum.tobytes() + report.tool_position.tobytes())
+            frame = simulation.frame()
         digest.update(frame.x.tobytes() + frame.cauchy.tobytes())
-    except (ParticipantLost, ParticipantFailed) as error:
+    except SimulationFailed as error:
         failed = str(error)
     kinds = tuple(event.kind for event in simulation.events)
     simulation.close()
-    if fault is not None and not transport.harmed:
+    if transport is not None and not transport.harmed:
         failed = failed or "nothing was harmed: the run is too short"
     return Told(digest.hexdigest(), kinds, failed)
 
