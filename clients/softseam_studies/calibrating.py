@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -20,24 +19,14 @@ from softseam.variants import with_settings
 from softseam_protocol.facts import machine
 from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.scene import Scene
+from softseam_studies.cli_studies import Calibrate
 from softseam_studies.study.store import Identity, Store, cache_folder
 
 if TYPE_CHECKING:
     from softseam.embedded import Calibration
 
 
-@dataclass(frozen=True)
-class Wishes:
-    """What `softseam calibrate` was asked for."""
-
-    scene: str
-    settings: tuple[str, ...] = ()
-    tolerance: float = 0.05
-    report: Path | None = None
-    fresh: bool = False
-
-
-def calibrate(wishes: Wishes, console: Console) -> None:
+def calibrate(wishes: Calibrate, console: Console) -> None:
     """Measure, or read from the cache, and print. Raises BadInput and SceneRefused."""
     if not 0.0 < wishes.tolerance < 1.0:
         raise BadInput(f"--tolerance {wishes.tolerance}: a share between 0 and 1, e.g. 0.05")

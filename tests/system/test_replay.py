@@ -20,11 +20,11 @@ import pytest
 from chromium import browse
 from damaged import with_a_bad_chunk
 from matplotlib.image import imread
+from screenshots import screenshots
 from squeeze import SCENE, Squeeze
 
 from softseam.recording import Recording
 from softseam.replay import ReplayError, replay, verify
-from softseam.replay.screenshot import screenshots
 from softseam.replay.show import free_port, web_address, web_arguments
 from softseam.replay.viewer import REPORTING, quiet, running, viewer
 from softseam_protocol.messages.participant import Bundle

@@ -16,6 +16,7 @@ from softseam.gym import BatchEnv, TofuLift
 from softseam_studies.learn.check import (
     CHECK_STEP,
     MOMENTS,
+    Beside,
     Check,
     Episode,
     Watched,
@@ -24,7 +25,6 @@ from softseam_studies.learn.check import (
     replay,
     show_checks,
 )
-from softseam_studies.learn.check_beside import Beside
 from softseam_studies.learn.curve import draw_curve
 from softseam_studies.learn.policy import Training
 

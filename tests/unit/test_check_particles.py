@@ -6,7 +6,7 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from softseam.cli import app
+from softseam.app import app
 
 SHEET = """
 softseam: 1

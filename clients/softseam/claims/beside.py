@@ -14,7 +14,6 @@ import sys
 import threading
 from collections.abc import Callable
 from time import process_time
-from types import TracebackType
 from typing import Any, BinaryIO
 
 from softseam.embedded import EmbeddedBackend, compile_clock
@@ -52,9 +51,7 @@ class Beside:
         self._reader.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.process.kill()
         self.process.wait()
         self._reader.join()
