@@ -157,9 +157,9 @@ def test_a_training_without_checks_says_why(
         def __init__(self, *given: Any) -> None:
             super().__init__(*given)
             if sent is not None:
-                self._process.send_signal(sent)
+                self.child.process.send_signal(sent)
             if sent is signal.SIGKILL:
-                self._process.wait()
+                self.child.process.wait()
 
     monkeypatch.setattr(training, "Beside", Sent)
     monkeypatch.setattr(training, "_WAIT", 0.1)

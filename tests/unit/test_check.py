@@ -138,8 +138,8 @@ def test_a_process_beside_finds_the_same(episode: Episode, fem: TofuLift) -> Non
         check = beside.ended(60.0)
         assert check == compare(episode, replay(fem, episode))
         assert beside.ended(0.1) is None and beside.alive
-        beside._process.kill()
-        beside._process.wait()
+        beside.child.process.kill()
+        beside.child.process.wait()
         lifted(beside.see, batch, 110)
         assert not beside.alive and beside.ended(0.1) is None
     finally:

@@ -1,20 +1,16 @@
 """Episodes of training by XPBD, replayed by FEM with the same actions, and compared at the moments that matter.
 
-A process beside the training replays them: a line of JSON goes in for each, and one comes back. It ends as its input
-does, so that it ends with the one that started it, whatever ends that.
+A process beside the training replays them: a line of JSON goes in for each, and one comes back.
 """
 
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 import sys
-import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -22,6 +18,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from softseam.child import Child, answers
 from softseam.gym.batch_env import BatchEnv
 from softseam.gym.lift_scene import BY_FEM, BY_XPBD, HEIGHT, PADS, SPEED
 from softseam.gym.sight import FORCE, SEEN
@@ -196,28 +193,20 @@ class Beside:
 
     def __init__(self, batch: BatchEnv, settings: Sequence[str] = (), every: int = _EVERY) -> None:
         """settings  of the scene, as the batch has them; every: steps of training between checks, at least"""
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", __spec__.name, *settings],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C reaches the training alone, which ends it
-        )
+        self._answers: SimpleQueue[bytes] = SimpleQueue()
+        self.child = Child(__spec__.name, settings, self._read)
         self._watched, self._every, self._last = Watched(batch), every, batch.steps - every
         self._under_way: Episode | None = None
-        self._answers: SimpleQueue[bytes] = SimpleQueue()
-        self._reader = threading.Thread(target=self._read, name="softseam check", daemon=True)
-        self._reader.start()
 
     @property
     def alive(self) -> bool:
         """Whether it can check any more."""
-        return self._process.poll() is None
+        return self.child.process.poll() is None
 
     def silence(self) -> str:
         """Why nothing more comes of checks."""
         if not self.alive:
-            return f"its process ended by itself, with code {self._process.returncode}"
+            return f"its process ended by itself, with code {self.child.process.returncode}"
         if self._under_way is None:
             return "no episode of the first environment was over that it could replay from its beginning"
         return "its process still compiled, or replayed the first (what it compiled is kept for the next training)"
@@ -245,35 +234,20 @@ class Beside:
 
     def close(self) -> None:
         """End it, whatever it does."""
-        self._process.kill()
-        self._process.wait()
-        self._reader.join()
-        assert self._process.stdin is not None and self._process.stdout is not None
-        try:
-            self._process.stdin.close()
-        except BrokenPipeError:
-            pass  # it ended before it had read all
-        self._process.stdout.close()
+        self.child.close()
 
     def _begin(self, episode: Episode) -> None:
-        assert self._process.stdin is not None
         self._under_way, self._last = episode, episode.steps
-        try:  # less than a pipe holds: it waits there until the process has loaded the solvers
-            self._process.stdin.write(json.dumps(asdict(episode)).encode() + b"\n")
-            self._process.stdin.flush()
-        except BrokenPipeError:
-            pass  # `alive` shows it
+        self.child.write(json.dumps(asdict(episode)).encode() + b"\n")
 
-    def _read(self) -> None:
-        assert self._process.stdout is not None
-        for line in self._process.stdout:
+    def _read(self, answers: BinaryIO) -> None:
+        for line in answers:
             self._answers.put(line)
 
 
 def main() -> None:
     """Replay what comes in, until nothing more does."""
-    out = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # whatever else is printed is no answer
+    out = answers()
     load_extensions()
     env = TofuLift(step=CHECK_STEP, settings=sys.argv[1:])
     for line in sys.stdin:
