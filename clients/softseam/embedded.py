@@ -22,8 +22,7 @@ from softseam_protocol.scene.file import SceneError, scene_from_bundle
 from softseam_protocol.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from softseam.gradient import Floats, Gradient
-    from softseam.losses import Loss
+    from softseam.gradient import Asked, Floats, Gradient
     from softseam_services.calibration.measure import Shown, Wanted
     from softseam_services.described import Described
     from softseam_services.orchestrator.faults import FaultyTransport
@@ -115,14 +114,7 @@ class EmbeddedBackend:
     def surface_meshes(self) -> Mapping[str, SurfaceMesh]:
         return surfaces(self._bundle, self.simulation)
 
-    def differentiate(
-        self,
-        loss: Loss,
-        names: Sequence[str],
-        commands: Sequence[Mapping[str, Sequence[float]]] | None,
-        steps: int | None,
-        near: float,
-    ) -> tuple[Gradient, Observation]:
+    def differentiate(self, asked: Asked) -> tuple[Gradient, Observation]:
         from softseam.differentiating import differentiate
 
         if self._record is not None:
@@ -130,7 +122,7 @@ class EmbeddedBackend:
         compile_models(that(lambda facts: facts.gives_derivatives))
         tell_of_derivatives()
         with translated():
-            gradient = differentiate(self.simulation, loss, names, commands, steps, near)
+            gradient = differentiate(self.simulation, asked)
         self._last = self.simulation.report
         return gradient, self._observation(fields=True, taken=True)
 

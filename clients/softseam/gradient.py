@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.errors import BadInput, not_among
-from softseam.losses import Run, Slope
+from softseam.losses import Loss, Run, Slope
 
 Floats = NDArray[np.float64]
 
@@ -21,6 +21,16 @@ class Crossed(NamedTuple):
     tool: str
     margin: float
     """relative change of forces that it takes [1]"""
+
+
+class Asked(NamedTuple):
+    """What a gradient is of, by what, and of which run; see `Session.gradient`."""
+
+    loss: Loss
+    names: Sequence[str]
+    commands: Sequence[Mapping[str, Sequence[float]]] | None
+    steps: int | None
+    within: float
 
 
 @dataclass(frozen=True)

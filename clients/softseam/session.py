@@ -12,7 +12,7 @@ from softseam.backend import Backend, backend_of
 from softseam.duration import expected_duration, too_many_steps
 from softseam.errors import BadInput, NotReset, SceneRefused, SessionClosed, require_extra
 from softseam.given import checked_velocities, whole
-from softseam.gradient import Gradient, check_inputs
+from softseam.gradient import Asked, Gradient, check_inputs
 from softseam.losses import Loss
 from softseam.observation import Observation, observation_from
 from softseam.one_thread import one_thread
@@ -262,7 +262,7 @@ class Session:
             raise BadInput(f"steps is {steps!r}: give a whole number of steps, 1 or more")
         moved = None if commands is None else [self._listed(one) for one in commands]
         self._commands = None
-        gradient, seen = backend.differentiate(loss, wrt, moved, most, near)
+        gradient, seen = backend.differentiate(Asked(loss, wrt, moved, most, near))
         self._observe(seen)
         return gradient
 
