@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Protocol
 
 from softseam.errors import BadInput
-from softseam.gradient import Gradient
-from softseam.losses import Loss
+from softseam.gradient import Asked, Gradient
 from softseam_protocol.messages import session as messages
 from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.messages.participant import Bundle
@@ -45,14 +44,7 @@ class Backend(Protocol):
 
     def surface_meshes(self) -> Mapping[str, SurfaceMesh]: ...
 
-    def differentiate(
-        self,
-        loss: Loss,
-        names: Sequence[str],
-        commands: Sequence[Mapping[str, Sequence[float]]] | None,
-        steps: int | None,
-        near: float,
-    ) -> tuple[Gradient, messages.Observation]:
+    def differentiate(self, asked: Asked) -> tuple[Gradient, messages.Observation]:
         """See `Session.gradient`; and what is seen at the end of the run."""
         ...
 

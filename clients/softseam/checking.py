@@ -9,13 +9,13 @@ from rich.table import Table
 from rich.text import Text
 
 from softseam.checks import When, doubts
+from softseam.choice import symmetric
 from softseam.duration import expected_duration, too_many_steps
 from softseam.embedded import describe
 from softseam.errors import SceneRefused
 from softseam.outputs import check_ending, check_outputs
 from softseam.previewing import draw_preview
 from softseam.scenes import bundle_of, bundle_with, inputs_of, located
-from softseam.symmetric import symmetric
 from softseam.variants import with_settings
 from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.scene import Scene

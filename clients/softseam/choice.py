@@ -1,4 +1,4 @@
-"""Which model has which cells as a run begins, and why, in a line."""
+"""What a scene and its run are, in words: which model has which cells, symmetry, friction that varies."""
 
 from collections.abc import Iterable, Mapping
 
@@ -37,3 +37,23 @@ def _of_body(scene: Scene, name: str, parts: list[PartReport], reasons: list[str
     if len(scene.bodies) > 1:
         reasons = [message.removeprefix(f"{name}: ") for message in reasons if message.startswith(f"{name}: ")]
     return f"{has}, for {reasons[0]}" if reasons else f"{has}, as the scene's regions say"
+
+
+PARTS = ("all", "a half", "a quarter", "an eighth")
+"""of a body, by the number of planes of symmetry"""
+
+
+def symmetric(scene: Scene) -> str:
+    """What FEM solves for; '' where the scene says no symmetry."""
+    if not scene.symmetry:
+        return ""
+    part = PARTS[len(scene.symmetry)]
+    axes = " and ".join(scene.symmetry)
+    return f"in {axes}: where fem has all cells it solves for {part} of them; figures are the whole's"
+
+
+def uneven_friction(scene: Scene) -> str:
+    """How friction varies over the bodies on which it does; '' where there are none."""
+    fields = {name: body.uneven_friction for name, body in scene.bodies.items()}
+    found = {name: field.in_words for name, field in fields.items() if field is not None}
+    return "; ".join(words if scene.one is not None else f"{name}: {words}" for name, words in found.items())

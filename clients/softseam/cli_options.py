@@ -1,9 +1,14 @@
-"""Arguments and options that several commands have."""
+"""Arguments and options that several commands have, and commands whose options are fields of a dataclass."""
 
+from collections.abc import Callable
+from dataclasses import MISSING, Field, fields
+from importlib import import_module
+from inspect import Parameter, Signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
+from rich.console import Console
 from typer.core import TyperCommand
 
 PICTURE = "scene.png"
@@ -44,3 +49,33 @@ Routes = Annotated[
 Recordings = Annotated[
     Path | None, typer.Option("--recordings", metavar="FOLDER", help="Where the recorder writes; default: recordings.")
 ]
+Wanted = Annotated[tuple[str, ...], *get_args(Settings)[1:]]
+"""the same as a field of `command`"""
+
+
+def _default(field: Field[Any]) -> Any:
+    """As typer has it: no values are None."""
+    return Parameter.empty if field.default is MISSING else None if field.default == () else field.default
+
+
+def command(wishes: type[Any], home: str) -> Callable[..., None]:
+    """A command that calls MODULE:FUNCTION, loaded when it is given, with its wishes and a console.
+
+    wishes  a dataclass whose fields are arguments and options as typer has them; `settings` comes last in its help
+    """
+    hints = get_type_hints(wishes, include_extras=True)
+    several = [name for name, hint in hints.items() if get_origin(get_args(hint)[0]) is tuple]
+
+    def given(**values: Any) -> None:
+        values |= {name: tuple(values[name] or ()) for name in several}
+        module, _, function = home.partition(":")
+        getattr(import_module(module), function)(wishes(**values), Console())
+
+    hints |= {name: Annotated[list[str] | None, *get_args(hints[name])[1:]] for name in several}
+    parameters = [
+        Parameter(each.name, Parameter.KEYWORD_ONLY, default=_default(each), annotation=hints[each.name])
+        for each in sorted(fields(wishes), key=lambda each: each.name == "settings")
+    ]
+    given.__doc__, given.__annotations__ = wishes.__doc__, hints
+    given.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    return given

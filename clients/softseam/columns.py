@@ -1,4 +1,7 @@
-"""A run's step reports as columns of numbers: what the report, the curves and the pictures are made of."""
+"""A run's step reports as columns of numbers, of which report, curves and pictures are made; and the norm of a column.
+
+|J|^2 = (1/T) int_0^T J(t)^2 dt
+"""
 
 from collections.abc import Collection
 
@@ -98,3 +101,19 @@ class Columns:
     def last(self, name: str) -> float:
         """The last row's value, or NaN."""
         return self._rows[-1].get(name, float("nan")) if self._rows else float("nan")
+
+
+NOTHING = {"m": 1e-6, "N": 1e-6, "Pa": 1e-3, "1": 1e-9}
+"""a quantity whose norm is below this is zero in its scene, by unit"""
+
+
+def rms(values: Floats, time: Floats) -> float:
+    """|J| of a curve (n,) at times (n,) [s], by the trapezoidal rule; the plain value of a single time."""
+    if len(time) < 2:
+        return float(np.abs(values).max(initial=0.0))
+    return float(np.sqrt(np.trapezoid(values * values, time) / (time[-1] - time[0])))
+
+
+def is_nothing(name: str, scale: float) -> bool:
+    """Whether a quantity is zero in this scene, so that no error is relative to it."""
+    return not scale > NOTHING.get(unit_of(name), 0.0)

@@ -21,7 +21,7 @@ COMMANDS = {
         "atlas": "softseam_studies.cli_studies:atlas",
     },
     "schema": {
-        "import": "softseam_studies.cli_importing:import_template",
+        "import": "softseam_studies.cli_fitting:import_template",
         "fit": "softseam_studies.cli_fitting:fit",
         "surrogate": "softseam_studies.cli_fitting:surrogate",
         "train": "softseam_studies.cli_learning:train",
@@ -30,7 +30,7 @@ COMMANDS = {
 }
 """each as MODULE:FUNCTION, after the command of the client's own that lists have it after; the module's constant of the
 command's name, in capitals, is what its help ends with"""
-PLANNER = "softseam_studies.study.asked"
+PLANNER = "softseam_studies.study.plan_watch"
 """the module that finds what a scene's `tolerance` and `budget` ask for, a `Planner`"""
 
 

@@ -2,7 +2,7 @@
 
 import secrets
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TypeVar
 
 from softseam.errors import (
@@ -15,8 +15,7 @@ from softseam.errors import (
     SimulationFailed,
     SoftseamError,
 )
-from softseam.gradient import Gradient
-from softseam.losses import Loss
+from softseam.gradient import Asked, Gradient
 from softseam_protocol import errors, topics
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.bus.liveness import CLIENT
@@ -63,9 +62,8 @@ class ConnectedBackend:
         *,
         record: bool,
         timeout: float,
-        deployment: str = topics.DEFAULT_DEPLOYMENT,
     ) -> None:
-        self._keys = topics.Keys(deployment)
+        self._keys = topics.Keys(topics.DEFAULT_DEPLOYMENT)
         self._key = self._keys.orchestrator
         self._record = record
         self.recorded: Recorded | None = None
@@ -122,14 +120,7 @@ class ConnectedBackend:
     def surface_meshes(self) -> Mapping[str, SurfaceMesh]:
         raise BadInput("surfaces to draw need the simulation in this process: open the session without connect")
 
-    def differentiate(
-        self,
-        loss: Loss,
-        names: Sequence[str],
-        commands: Sequence[Mapping[str, Sequence[float]]] | None,
-        steps: int | None,
-        near: float,
-    ) -> tuple[Gradient, Observation]:
+    def differentiate(self, asked: Asked) -> tuple[Gradient, Observation]:
         raise BadInput("gradients need the simulation in this process: open the session without connect")
 
     def close(self) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 
 from softseam.embedded import pull, push, roll_out
 from softseam.errors import BadInput
-from softseam.gradient import Crossed, Floats, Gradient, checked_slope
-from softseam.losses import Loss, Run
+from softseam.gradient import Asked, Crossed, Floats, Gradient, checked_slope
+from softseam.losses import Run
 
 if TYPE_CHECKING:
     from softseam_services.orchestrator.gradient import Pulled
@@ -19,26 +19,19 @@ if TYPE_CHECKING:
     from softseam_services.orchestrator.simulation import Simulation
 
 
-def differentiate(
-    simulation: Simulation,
-    loss: Loss,
-    names: Sequence[str],
-    commands: Sequence[Mapping[str, Sequence[float]]] | None,
-    steps: int | None,
-    near: float,
-) -> Gradient:
+def differentiate(simulation: Simulation, asked: Asked) -> Gradient:
     """The gradient of a loss of a run from the start of the scene. Raises BadInput, and what the services raise."""
-    _check_body(simulation, names)
+    _check_body(simulation, asked.names)
     began = perf_counter()
-    rollout = roll_out(simulation, commands, steps)
+    rollout = roll_out(simulation, asked.commands, asked.steps)
     forward, run = perf_counter() - began, _run_of(simulation, rollout)
-    value, slope = loss(run)
+    value, slope = asked.loss(run)
     if not np.isfinite(value):
         raise BadInput(f"the loss is {value}: it must be finite")
     by_force, by_positions, by_start = checked_slope(slope, run)
     began = perf_counter()
-    pulled = pull(simulation, rollout, by_force, by_positions, near)
-    by = {name: _entry(name, pulled, by_start, list(run.force)) for name in names}
+    pulled = pull(simulation, rollout, by_force, by_positions, asked.within)
+    by = {name: _entry(name, pulled, by_start, list(run.force)) for name in asked.names}
     crossed = tuple(Crossed(*one) for one in pulled.crossed)
     return Gradient(float(value), by, crossed, run, forward, perf_counter() - began)
 

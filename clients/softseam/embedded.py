@@ -22,14 +22,18 @@ from softseam_protocol.scene.file import SceneError, scene_from_bundle
 from softseam_protocol.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from softseam.gradient import Floats, Gradient
-    from softseam.losses import Loss
+    from softseam.gradient import Asked, Floats, Gradient
+    from softseam_services.calibration.measure import Shown, Wanted
     from softseam_services.described import Described
+    from softseam_services.orchestrator.faults import FaultyTransport
     from softseam_services.orchestrator.gradient import Pulled
     from softseam_services.orchestrator.preview import Preview
     from softseam_services.orchestrator.rollout import Rollout
     from softseam_services.orchestrator.simulation import Simulation
+    from softseam_services.orchestrator.transport import Transport
     from softseam_services.recorder.recorder import McapRecorder
+
+    Calibration = tuple[Wanted, list[Shown], Shown | None]
 
 Message = StepReport | Frame | Event
 SIMULATING = "simulating in this process"
@@ -41,8 +45,6 @@ class EmbeddedBackend:
     def __init__(self, bundle: Bundle, *, record: Path | None = None) -> None:
         with translated(purpose=SIMULATING):
             from softseam_services.orchestrator import client_view
-            from softseam_services.orchestrator.embedded import EmbeddedTransport
-            from softseam_services.orchestrator.simulation import Simulation
             from softseam_services.tables import check_tables
         self._view = client_view  # of steps: to import it in each would take as long as a message
         self._events: list[Event] = []
@@ -54,9 +56,7 @@ class EmbeddedBackend:
         self.unrecorded = ""
         with translated(opening=True):
             check_tables()
-            self.simulation: Simulation = compiled(
-                scene_from_bundle(bundle), lambda: Simulation(bundle, EmbeddedTransport(), emit=self._emit)
-            )
+            self.simulation = compiled(scene_from_bundle(bundle), lambda: simulate(bundle, self._emit))
 
     def doubts(self, scene: Scene) -> list[str]:
         from softseam_services.checks import doubts, size_of
@@ -110,16 +110,9 @@ class EmbeddedBackend:
             return self.simulation.estimate()
 
     def surface_meshes(self) -> Mapping[str, SurfaceMesh]:
-        return _surfaces(self._bundle, self.simulation)
+        return surfaces(self._bundle, self.simulation)
 
-    def differentiate(
-        self,
-        loss: Loss,
-        names: Sequence[str],
-        commands: Sequence[Mapping[str, Sequence[float]]] | None,
-        steps: int | None,
-        near: float,
-    ) -> tuple[Gradient, Observation]:
+    def differentiate(self, asked: Asked) -> tuple[Gradient, Observation]:
         from softseam.differentiating import differentiate
 
         if self._record is not None:
@@ -127,7 +120,7 @@ class EmbeddedBackend:
         compile_models(that(lambda facts: facts.gives_derivatives))
         tell_of_derivatives()
         with translated():
-            gradient = differentiate(self.simulation, loss, names, commands, steps, near)
+            gradient = differentiate(self.simulation, asked)
         self._last = self.simulation.report
         return gradient, self._observation(fields=True, taken=True)
 
@@ -173,58 +166,30 @@ class EmbeddedBackend:
         self._events.append(Event(header, EventKind.RECORDING, reason))
 
 
-def _surfaces(bundle: Bundle, simulation: Simulation) -> Mapping[str, SurfaceMesh]:
+def simulate(bundle: Bundle, emit: Callable[[Message], None], transport: Transport | None = None) -> Simulation:
+    """A simulation at the start of a scene, whose participants are in this process unless `transport` has others.
+
+    Raises what the services raise.
+    """
+    from softseam_services.orchestrator.embedded import EmbeddedTransport
+    from softseam_services.orchestrator.simulation import Simulation
+
+    return Simulation(bundle, transport or EmbeddedTransport(), emit=emit)
+
+
+def faulty(fault: str, every: int) -> FaultyTransport:
+    """A transport for `simulate` that does harm to each so-many-th request for a step; what: see there."""
+    from softseam_services.orchestrator.faults import FaultyTransport
+
+    return FaultyTransport(fault, every)
+
+
+def surfaces(bundle: Bundle, simulation: Simulation) -> Mapping[str, SurfaceMesh]:
+    """Surfaces of a scene's bodies, as a recording of it begins with."""
     from softseam_services.recorder.begin import begin
 
     bodies = {name: one.body for name, one in simulation.bodies.items()}
     return begin(bundle, bodies, simulation.tools).surfaces
-
-
-class Resimulation:
-    """A simulation of a recorded scene from its start, to compare with the recording: frames as they are emitted."""
-
-    def __init__(self, bundle: Bundle, seed: int) -> None:
-        from softseam_services.orchestrator.embedded import EmbeddedTransport
-        from softseam_services.orchestrator.simulation import Simulation
-
-        self._frames: dict[str, Frame] = {}
-        self._simulation = Simulation(bundle, EmbeddedTransport(), emit=self._take)
-        self._simulation.reset(seed)
-
-    def step(self, velocities: Mapping[str, Sequence[float]], fields: bool) -> StepReport:
-        return self._simulation.step(velocities, fields=fields)
-
-    def surfaces(self, bundle: Bundle) -> Mapping[str, SurfaceMesh]:
-        """Of the bodies of this scene."""
-        return _surfaces(bundle, self._simulation)
-
-    def frame(self, body: str) -> Frame:
-        """A body's frame of the last step. A switch at the end of that step is not in it, as in a recording."""
-        return self._frames[body]
-
-    def close(self) -> None:
-        self._simulation.close()
-
-    def _take(self, message: Message) -> None:
-        if isinstance(message, Frame):
-            self._frames[message.body] = message
-
-
-@contextmanager
-def resimulate(bundle: Bundle, seed: int) -> Iterator[Resimulation]:
-    """Open a recorded scene again at its start."""
-    with translated():
-        simulation = Resimulation(bundle, seed)
-        try:
-            yield simulation
-        finally:
-            simulation.close()
-
-
-def surfaces_of(bundle: Bundle, seed: int) -> Mapping[str, SurfaceMesh]:
-    """Surfaces of a scene's bodies, as a recording of it begins with. Raises SoftseamError."""
-    with resimulate(bundle, seed) as simulation:
-        return simulation.surfaces(bundle)
 
 
 def compiled(scene: Scene, build: Callable[[], Simulation]) -> Simulation:
@@ -305,6 +270,28 @@ def conditions(bundle: Bundle, start: Mapping[str, Frame], end: Mapping[str, Fra
         from softseam_services.pbd import conditions
 
         return conditions.conditions(bundle, start, end)
+
+
+def calibration(scene: Scene, bundle: Bundle, tolerance: float, kept: Mapping[str, Any] | None) -> Calibration:
+    """What XPBD should show of a scene's body, what settings show, measured or as it was `kept` (`asdict` of both), and
+    the cheapest setting within the tolerance. Raises SceneRefused and BadInput."""
+    with translated(purpose="calibrating, which simulates in this process,"):
+        from softseam_services.calibration.measure import Shown, Wanted, calibrate, cheapest
+        from softseam_services.server import build_setup
+
+        if kept is not None:
+            wanted, shown = Wanted(**kept["wanted"]), [Shown(**each) for each in kept["shown"]]
+            return wanted, shown, cheapest(shown, tolerance)
+        body = build_setup(bundle).body
+        if not body.has_cells:
+            raise BadInput(
+                f"the scene {scene.name!r} is a sheet or a rope: its springs have no Young's modulus to calibrate"
+            )
+        try:
+            wanted, shown = calibrate(scene, body, tolerance)
+        except ValueError as error:
+            raise BadInput(str(error)) from None
+        return wanted, shown, cheapest(shown, tolerance)
 
 
 def preview(bundle: Bundle) -> tuple[Scene, Preview]:

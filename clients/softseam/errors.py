@@ -4,6 +4,8 @@
 goes on as if the call had not been made.
 """
 
+import difflib
+from collections.abc import Iterable
 from importlib.util import find_spec
 
 
@@ -61,6 +63,14 @@ class SimulationFailed(SoftseamError):
 
 class MissingExtra(SoftseamError, ImportError):
     """A part of softseam that is not installed is needed; the text says how to install it."""
+
+
+def not_among(name: str, known: Iterable[str]) -> str:
+    """A name that is none of those known, what it may have been meant to be, and which there are."""
+    names = list(known)
+    near = difflib.get_close_matches(name, names, 1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    return f"{name!r}{hint} (there are: {', '.join(names) or 'none'})"
 
 
 _EXTRA_OF = {

@@ -1,6 +1,5 @@
 """Gradients of a loss by what a run depends on: names of inputs, and what comes back."""
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -8,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.errors import BadInput
-from softseam.losses import Run, Slope
+from softseam.errors import BadInput, not_among
+from softseam.losses import Loss, Run, Slope
 
 Floats = NDArray[np.float64]
 
@@ -22,6 +21,16 @@ class Crossed(NamedTuple):
     tool: str
     margin: float
     """relative change of forces that it takes [1]"""
+
+
+class Asked(NamedTuple):
+    """What a gradient is of, by what, and of which run; see `Session.gradient`."""
+
+    loss: Loss
+    names: Sequence[str]
+    commands: Sequence[Mapping[str, Sequence[float]]] | None
+    steps: int | None
+    within: float
 
 
 @dataclass(frozen=True)
@@ -59,9 +68,7 @@ def check_inputs(names: Sequence[str], tools: Sequence[str]) -> None:
         raise BadInput(f"wrt is empty: name what the gradient is by: {', '.join(known)}")
     for name in names:
         if name not in known:
-            near = difflib.get_close_matches(str(name), known, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise BadInput(f"a gradient cannot be by {name!r}{hint} (there are: {', '.join(known)})")
+            raise BadInput(f"a gradient cannot be by {not_among(str(name), known)}")
 
 
 def checked_slope(slope: Slope, run: Run) -> tuple[Floats, Floats, Floats]:

@@ -3,8 +3,8 @@ cannot be written."""
 
 import os
 import stat
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from softseam.errors import BadInput
@@ -52,14 +52,22 @@ def cannot_write(path: Path | str, error: OSError) -> BadInput:
     return BadInput(f"cannot write {path}: {error.strerror or error}")
 
 
-def write_whole(path: Path, text: str) -> Path:
-    """Write a file, all or nothing; returns its path. Raises OSError."""
-    fresh = path.with_name(f".{path.name}.{os.getpid()}")
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """A name beside a file, of the same ending, for what is to take its place once it is written: nobody sees half of
+    it. Raises OSError."""
+    fresh = path.with_name(f".{os.getpid()}.{path.name}")
     try:
-        fresh.write_text(text, encoding="utf-8")
+        yield fresh
         fresh.replace(path)
     finally:
         fresh.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, text: str) -> Path:
+    """Write a file, all or nothing; returns its path. Raises OSError."""
+    with whole(path) as fresh:
+        fresh.write_text(text, encoding="utf-8")
     return path
 
 

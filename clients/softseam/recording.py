@@ -212,11 +212,12 @@ class Recording:
 
     def _build_surfaces(self) -> None:
         """As the recorder did, where that is possible here."""
-        from softseam.embedded import surfaces_of
+        from softseam.resimulating import resimulate
 
         points = {frame.body: len(frame.point_x) for frame in islice(self.frames(), len(self.scene.bodies))}
         try:
-            built = surfaces_of(self.bundle, self.seed)
+            with resimulate(self.bundle, self.seed) as simulation:
+                built = simulation.surfaces(self.bundle)
         except (SoftseamError, ImportError):
             return  # what is not drawn is read none the less
         if {name: len(mesh.point_rest) for name, mesh in built.items()} == points:

@@ -18,17 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam.checks import not_done
-from softseam.choice import choices
+from softseam.choice import choices, symmetric, uneven_friction
 from softseam.columns import TOTAL, Columns, spent, unit_of
-from softseam.outputs import cannot_write
-from softseam.rounding import Rounding
-from softseam.symmetric import symmetric
-from softseam.uneven_friction import uneven_friction
+from softseam.observation import Observation
+from softseam.outputs import cannot_write, whole
 from softseam.verdict import Verdict, judge, with_failures
 from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
+from softseam_protocol.scene.bodies import AnyBody
 from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
@@ -73,6 +72,12 @@ class ReportBuilder:
             self._estimate = message.estimate or self._estimate
         elif isinstance(message, Event):
             self._events.append(message)
+
+    def see(self, observation: Observation) -> None:
+        """Take what was seen after a step."""
+        for event in observation.events:
+            self.add(event)
+        self.add(observation.report)
 
     def build(
         self, *, setup_seconds: float = 0.0, recording: str | None = None, lost: int = 0, note: str | None = None
@@ -222,16 +227,11 @@ def write_report(report: Mapping[str, Any], path: Path | str) -> None:
 
 def write_json(document: Mapping[str, Any], path: Path) -> None:
     """The same of any document. Raises OSError."""
-    fresh = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with fresh.open("w", encoding="utf-8") as stream:
-            json.dump(document, stream, indent=1, allow_nan=False)
-            stream.write("\n")
-            stream.flush()
-            os.fsync(stream.fileno())
-        fresh.replace(path)
-    finally:
-        fresh.unlink(missing_ok=True)
+    with whole(path) as fresh, fresh.open("w", encoding="utf-8") as stream:
+        json.dump(document, stream, indent=1, allow_nan=False)
+        stream.write("\n")
+        stream.flush()
+        os.fsync(stream.fileno())
 
 
 def _number(value: float) -> float | None:
@@ -257,3 +257,35 @@ def _spread(values: NDArray[np.float64]) -> dict[str, float]:
     if not len(known):
         return {"min": 0.0, "mean": 0.0, "max": 0.0}
     return {"min": float(known.min()), "mean": float(known.mean()), "max": float(known.max())}
+
+
+_NOTHING = 1e-9
+"""a strain: the stiffest food, a few millimetres of it, is strained by ten times as much by its own weight; and of the
+largest value of a quantity: what is less is rounding beside it"""
+
+
+class Rounding:
+    """Knows, for one scene, from which size on a value says something."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._floor: dict[str, float] = {}
+        for body in scene.bodies.values():
+            for unit, floor in _floors(body).items():
+                self._floor[unit] = min(floor, self._floor.get(unit, floor))
+
+    def least(self, unit: str, values: NDArray[np.float64]) -> float:
+        """Size below which these values (n,) of one quantity, in this unit, are rounding."""
+        return max(self._floor.get(unit, 0.0), _NOTHING * float(np.abs(values).max(initial=0.0)))
+
+
+def _floors(body: AnyBody) -> Mapping[str, float]:
+    """By unit, what a strain of `_NOTHING` makes of a body."""
+    length = max(body.own_lengths, default=1.0)  # of a mesh, whose extent its file alone has, a metre
+    stiffness = body.strain_force(length)
+    return {
+        "1": _NOTHING,
+        "m": _NOTHING * length,
+        "Pa": _NOTHING * stiffness / length**2,
+        "N": _NOTHING * stiffness,
+        "J": _NOTHING**2 * stiffness * length,
+    }

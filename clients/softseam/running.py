@@ -130,7 +130,6 @@ def follow(
     *,
     began: float,
     model: Model | None = None,
-    label: str | None = None,
     limit: float | None = None,
     compiles_here: bool = False,
     begun: Callable[[Session], None] | None = None,
@@ -153,15 +152,13 @@ def follow(
         nonlocal setup
         if setup is None:
             setup = perf_counter() - began - observation.seconds.get("total", 0.0)
-            console.print(Text(f"{label or scene.name}: {choice(scene, observation)}"), soft_wrap=True)
-        for event in observation.events:
-            builder.add(event)
-        builder.add(observation.report)
+            console.print(Text(f"{scene.name}: {choice(scene, observation)}"), soft_wrap=True)
+        builder.see(observation)
         progress.update(observation)
         watch.taken(observation)
 
     with (
-        RunProgress(scene, console, label or scene.name) as progress,
+        RunProgress(scene, console, scene.name) as progress,
         compile_clock() if compiles_here else nullcontext(_nothing) as compiled,
     ):
         frames = session.reset().frames

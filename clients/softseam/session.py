@@ -6,14 +6,13 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from softseam.backend import Backend, backend_of
 from softseam.duration import expected_duration, too_many_steps
 from softseam.errors import BadInput, NotReset, SceneRefused, SessionClosed, require_extra
 from softseam.given import checked_velocities, whole
-from softseam.gradient import Gradient, check_inputs
+from softseam.gradient import Asked, Gradient, check_inputs
 from softseam.losses import Loss
 from softseam.observation import Observation, observation_from
 from softseam.one_thread import one_thread
@@ -263,7 +262,7 @@ class Session:
             raise BadInput(f"steps is {steps!r}: give a whole number of steps, 1 or more")
         moved = None if commands is None else [self._listed(one) for one in commands]
         self._commands = None
-        gradient, seen = backend.differentiate(loss, wrt, moved, most, near)
+        gradient, seen = backend.differentiate(Asked(loss, wrt, moved, most, near))
         self._observe(seen)
         return gradient
 
@@ -374,9 +373,7 @@ class Session:
     def __enter__(self) -> Session:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _running(self) -> Backend:

@@ -81,10 +81,9 @@ def draw(recording: Recording, folder: Path, console: Console) -> None:
 
 
 def _verify(recording: Recording, console: Console) -> int:
-    from softseam.embedded import resimulate
     from softseam.replay import verify
 
-    verification = verify(recording, resimulate)
+    verification = verify(recording)
     console.print(verification.text, style="green" if verification.same else "bold red", highlight=False)
     return 0 if verification.same else 1
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from softseam.columns import Columns
 from softseam_protocol.messages.session import Event
+from softseam_protocol.scene.bodies import AnyBody
 from softseam_protocol.scene.scene import Scene
 
 
@@ -14,6 +15,10 @@ class Written(NamedTuple):
     scene: Scene
     size: float
     """largest extent of the body [m]; infinite where only who reads its file knows: nothing is too large then"""
+
+    @property
+    def body(self) -> AnyBody:
+        return self.scene.body
 
 
 class Ended(NamedTuple):

@@ -1,11 +1,10 @@
 """The same scene simulated otherwise: with one model alone, or with settings changed from the command line."""
 
-import difflib
 import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from softseam.errors import BadInput, SceneRefused
+from softseam.errors import BadInput, SceneRefused, not_among
 from softseam_protocol.models import MODELS, taking
 from softseam_protocol.scene import marked_yaml
 from softseam_protocol.scene.bodies import AnyBody, block_of
@@ -147,11 +146,7 @@ def _assign(document: dict[str, Any], keys: list[str], value: Any, setting: str)
             elif key in node:
                 node[key] = {} if node[key] is None else node[key]
             else:
-                near = difflib.get_close_matches(key, node, 1)
-                hint = f"; did you mean {near[0]!r}?" if near else ""
-                raise BadInput(
-                    f"--set {setting}: {where} has no {key!r}{hint} (there are: {', '.join(node) or 'none'})"
-                )
+                raise BadInput(f"--set {setting}: {where} has no {not_among(key, node)}")
             node = node[key]
         elif isinstance(node, list) and key.isdigit() and int(key) < len(node):
             if last:

@@ -3,43 +3,30 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam.embedded import solver_digest, translated
-from softseam.errors import BadInput, missing_extra
+from softseam.embedded import calibration, solver_digest
+from softseam.errors import BadInput
 from softseam.outputs import check_ending, check_outputs
 from softseam.report import write_report
 from softseam.scenes import bundle_of, bundle_with, inputs_of
 from softseam.variants import with_settings
 from softseam_protocol.facts import machine
-from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.scene import Scene
+from softseam_studies.cli_studies import Calibrate
 from softseam_studies.study.store import Identity, Store, cache_folder
 
 if TYPE_CHECKING:
-    from softseam_services.calibration.measure import Shown, Wanted
+    from softseam.embedded import Calibration
 
 
-@dataclass(frozen=True)
-class Wishes:
-    """What `softseam calibrate` was asked for."""
-
-    scene: str
-    settings: tuple[str, ...] = ()
-    tolerance: float = 0.05
-    report: Path | None = None
-    fresh: bool = False
-
-
-def calibrate(wishes: Wishes, console: Console) -> None:
+def calibrate(wishes: Calibrate, console: Console) -> None:
     """Measure, or read from the cache, and print. Raises BadInput and SceneRefused."""
     if not 0.0 < wishes.tolerance < 1.0:
         raise BadInput(f"--tolerance {wishes.tolerance}: a share between 0 and 1, e.g. 0.05")
@@ -50,10 +37,6 @@ def calibrate(wishes: Wishes, console: Console) -> None:
     scene = with_settings(loaded, wishes.settings)
     if scene is not loaded:
         bundle = bundle_with(scene, bundle, wishes.scene, wishes.settings)
-    try:
-        from softseam_services.calibration.measure import Shown, Wanted, cheapest
-    except ImportError as error:
-        raise missing_extra(error, "calibrating, which simulates in this process,") from error
     key, code, here = scene_hash(bundle), solver_digest(), machine()
     short = hashlib.sha256(f"{key}{code}{here}{wishes.tolerance}".encode()).hexdigest()[:16]
     store = Store(
@@ -64,62 +47,32 @@ def calibrate(wishes: Wishes, console: Console) -> None:
     if wishes.fresh:
         store.clear()
     kept = store.read("calibration")
+    found = wanted, shown, chosen = calibration(scene, bundle, wishes.tolerance, kept)
+    figures = {"wanted": asdict(wanted), "shown": [asdict(each) for each in shown]}
     if kept is None:
-        wanted, shown = _measure(scene, bundle, wishes.tolerance)
-        store.write("calibration", {"wanted": asdict(wanted), "shown": [asdict(each) for each in shown]})
-    else:
-        wanted, shown = Wanted(**kept["wanted"]), [Shown(**each) for each in kept["shown"]]
-    chosen = cheapest(shown, wishes.tolerance)
-    _print(console, scene, wanted, shown, chosen, wishes.tolerance)
+        store.write("calibration", figures)
+    _print(console, scene, found, wishes.tolerance)
     if wishes.report is not None:
         document = {
             "scene": {"name": scene.name, "hash": key, "step": scene.step},
             "machine": here,
             "tolerance": wishes.tolerance,
             "units": {"young": "Pa", "frequency": "Hz", "loss": "of the amplitude a period", "seconds": "s a step"},
-            "wanted": asdict(wanted),
-            "shown": [asdict(each) for each in shown],
+            **figures,
             "recommended": None if chosen is None else {"substeps": chosen.substeps, "sweeps": chosen.sweeps},
         }
         write_report(document, wishes.report)
 
 
-def _measure(scene: Scene, bundle: Bundle, tolerance: float) -> tuple[Wanted, list[Shown]]:
-    from softseam_services.calibration.measure import calibrate as measure
-    from softseam_services.server import build_setup
-
-    with translated():
-        body = build_setup(bundle).body
-    if not body.has_cells:
-        raise BadInput(
-            f"the scene {scene.name!r} is a sheet or a rope: its springs have no Young's modulus to calibrate"
-        )
-    try:
-        return measure(scene, body, tolerance)
-    except ValueError as error:
-        raise BadInput(str(error)) from None
-
-
-def _print(
-    console: Console, scene: Scene, wanted: Wanted, shown: Sequence[Shown], chosen: Shown | None, tolerance: float
-) -> None:
+def _print(console: Console, scene: Scene, found: Calibration, tolerance: float) -> None:
+    wanted, shown, chosen = found
     table = Table(
         title=f"slowest oscillation of {scene.name}: frequency, Young's modulus, loss a period", title_justify="left"
     )
     for name in ("substeps", "sweeps", "", "f [Hz]", "E [kPa]", "loss [%]", "ms a step"):
         table.add_column(name, justify="right", no_wrap=True)
-    young = 1e-3 * wanted.young
-    table.add_row(
-        "",
-        "",
-        "wanted",
-        f"{wanted.frequency:.4g}",
-        f"{young:.4g}",
-        f"{1e2 * wanted.loss:.2g}",
-        "",
-        style="bold",
-        end_section=True,
-    )
+    row = ["", "", "wanted", f"{wanted.frequency:.4g}", f"{1e-3 * wanted.young:.4g}", f"{1e2 * wanted.loss:.2g}", ""]
+    table.add_row(*row, style="bold", end_section=True)
     for each in sorted(shown, key=lambda s: (s.sweeps, s.substeps)):
         remark = "recommended" if each is chosen else "auto" if each.auto else ""
         row = [str(each.substeps), str(each.sweeps), remark if each.stable else "unstable"]

@@ -1,12 +1,13 @@
-"""The commands of the command line that fit: `softseam fit`, `softseam surrogate`."""
+"""The commands that make files of others: `softseam fit`, `softseam surrogate`, `softseam import`."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
-from softseam.cli_options import SceneArgument, Settings
+from softseam.cli_options import SceneArgument, Wanted, command
 
 FIT = (
     "[bold]What it does[/bold]\n\n"
@@ -22,20 +23,21 @@ FIT = (
 )
 
 
-def fit(
-    scene: SceneArgument,
-    curve: Annotated[Path, typer.Argument(metavar="CURVE", help="Measured forces, a .csv file.")],
+@dataclass(frozen=True)
+class Fit:
+    """Find a body's stiffness and friction from a measured force, and say how sure they are."""
+
+    scene: SceneArgument
+    curve: Annotated[Path, typer.Argument(metavar="CURVE", help="Measured forces, a .csv file.")]
     find: Annotated[
         str, typer.Option(metavar="NAMES", help="What to find: young, friction (of all tools), friction.TOOL.")
-    ] = "young",
-    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the fitted scene to this .yaml file.")] = None,
-    runs: Annotated[int, typer.Option(metavar="N", help="Most runs of the scene.")] = 10,
-    settings: Settings = None,
-) -> None:
-    """Find a body's stiffness and friction from a measured force, and say how sure they are."""
-    from softseam_studies.fit.command import Wishes, fit_scene
+    ] = "young"
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the fitted scene to this .yaml file.")] = None
+    runs: Annotated[int, typer.Option(metavar="N", help="Most runs of the scene.")] = 10
+    settings: Wanted = ()
 
-    fit_scene(Wishes(scene, curve, find, out, runs, tuple(settings or ())), Console())
+
+fit = command(Fit, "softseam_studies.fit.command:fit_scene")
 
 
 SURROGATE = (
@@ -51,20 +53,44 @@ SURROGATE = (
 )
 
 
-def surrogate(
-    scene: SceneArgument,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Write the surrogate to this .json file.")],
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(metavar="KEY=LOW..HIGH", help="What may differ; keys with one value are joined by +. Repeatable."),
-    ] = None,
-    of: Annotated[
-        str, typer.Option("--of", metavar="QUANTITIES", help="What it gives, of `softseam quantities`.")
-    ] = "grip_force,peak_von_mises",
-    runs: Annotated[int, typer.Option(metavar="N", help="Runs of the scene.")] = 64,
-    settings: Settings = None,
-) -> None:
+@dataclass(frozen=True)
+class MakeSurrogate:
     """Run a squeeze many times beforehand; a formula then gives force and stress in microseconds, with its error."""
-    from softseam_studies.surrogate.command import Wishes, make_surrogate
 
-    make_surrogate(Wishes(scene, tuple(vary or ()), out, of, runs, tuple(settings or ())), Console())
+    scene: SceneArgument
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Write the surrogate to this .json file.")]
+    vary: Annotated[
+        tuple[str, ...],
+        typer.Option(metavar="KEY=LOW..HIGH", help="What may differ; keys with one value are joined by +. Repeatable."),
+    ] = ()
+    of: Annotated[str, typer.Option("--of", metavar="QUANTITIES", help="What it gives, of `softseam quantities`.")] = (
+        "grip_force,peak_von_mises"
+    )
+    runs: Annotated[int, typer.Option(metavar="N", help="Runs of the scene.")] = 64
+    settings: Wanted = ()
+
+
+surrogate = command(MakeSurrogate, "softseam_studies.surrogate.command:make_surrogate")
+
+
+IMPORT = (
+    "[bold]What it does[/bold]\n\n"
+    "A template says how to solve and nothing of what: body, tools and motion of the scene are assumed, for you to "
+    "change. Of each line it is said which key of the scene it becomes; or that it has no equal, why, and what to do. "
+    "The chapter's own templates ship as the scenes template_fem and template_pbd.\n\n"
+    "[bold]Examples[/bold]\n\n"
+    "softseam import fem_config.yaml\n\n"
+    "softseam import pbd_config.yaml --out drape.yaml"
+)
+
+
+def import_template(
+    template: Annotated[Path, typer.Argument(metavar="FILE", help="With fem_config or pbd_config as its only key.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The scene to write; default: <template>_scene.yaml, here.")
+    ] = None,
+) -> None:
+    """Make a scene of a configuration template of the textbook chapter (fem_config, pbd_config)."""
+    from softseam_studies.importing import import_template as write_scene
+
+    write_scene(template, out, Console())

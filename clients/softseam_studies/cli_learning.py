@@ -1,12 +1,12 @@
 """Commands of the command line that learn: `softseam train` and `softseam evaluate`."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
-from softseam.cli_options import Settings
+from softseam.cli_options import Wanted, command
 
 Algorithm = Literal["ppo", "sac"]
 LiftModel = Literal["xpbd", "fem"]
@@ -33,30 +33,33 @@ EVALUATE = (
 )
 
 
-def train(
-    task: Annotated[
-        str, typer.Argument(help="What to learn: TofuLift, SliceLift, PushGentle or TowelFold.")
-    ] = "TofuLift",
-    algo: Annotated[Algorithm, typer.Option(help="How.")] = "ppo",
-    steps: Annotated[int | None, typer.Option(metavar="N", help="Actions in all; default: the task's.")] = None,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the pieces and of the learner.")] = 0,
+@dataclass(frozen=True)
+class Train:
+    """Learn a policy, e.g. how to lift tofu gently."""
+
+    task: Annotated[str, typer.Argument(help="What to learn: TofuLift, SliceLift, PushGentle or TowelFold.")] = (
+        "TofuLift"
+    )
+    algorithm: Annotated[Algorithm, typer.Option("--algo", help="How.")] = "ppo"
+    steps: Annotated[int | None, typer.Option(metavar="N", help="Actions in all; default: the task's.")] = None
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the pieces and of the learner.")] = 0
     model: Annotated[
         LiftModel | None,
         typer.Option(
             help="That simulates the pieces; default: the task's, of TofuLift a batch of XPBD. FEM is slower."
         ),
-    ] = None,
+    ] = None
     environments: Annotated[
         int | None, typer.Option(metavar="N", help="Pieces at a time; default: the task's, 64 in a batch, else 16.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Where it goes; default: out/TASK-ALGO-SEED.")
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on where the folder's training stopped.")] = False,
+    ] = None
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Where it goes; default: out/TASK-ALGO-SEED.")] = (
+        None
+    )
+    resume: Annotated[bool, typer.Option("--resume", help="Go on where the folder's training stopped.")] = False
     check: Annotated[
         bool | None,
         typer.Option("--check/--no-check", help="Replay some episodes of a batch by FEM, in a process beside."),
-    ] = None,
+    ] = None
     stages: Annotated[
         bool | None,
         typer.Option(
@@ -64,38 +67,34 @@ def train(
             help="Coarse cells of XPBD for two thirds of the actions and until 95 % succeed, then fine ones. "
             "With --set body.cell: those alone.",
         ),
-    ] = None,
+    ] = None
     shape: Annotated[
         str | None,
         typer.Option(metavar="FILE", help="Of SliceLift's body: a mesh, or a scene with a body; default: dumpling."),
-    ] = None,
-    settings: Settings = None,
-) -> None:
-    """Learn a policy, e.g. how to lift tofu gently."""
-    from softseam_studies.learn.train import Wishes
-    from softseam_studies.learn.train import train as learn
-
-    given = (task, algo, steps, seed, model, environments, out, resume, tuple(settings or ()), check, stages, shape)
-    learn(Wishes(*given), Console())
+    ] = None
+    settings: Wanted = ()
 
 
-def evaluate(
-    policy: Annotated[Path, typer.Argument(metavar="FOLDER", help="What softseam train left.")],
-    pieces: Annotated[int, typer.Option(metavar="N", help="How many, none of which it has seen.")] = 64,
-    step: Annotated[float, typer.Option(metavar="SECONDS", help="Of the simulation.")] = 0.01,
+train = command(Train, "softseam_studies.learn.train:train")
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Judge a policy on pieces that it has not seen, beside fixed rules."""
+
+    policy: Annotated[Path, typer.Argument(metavar="FOLDER", help="What softseam train left.")]
+    pieces: Annotated[int, typer.Option(metavar="N", help="How many, none of which it has seen.")] = 64
+    step: Annotated[float, typer.Option(metavar="SECONDS", help="Of the simulation.")] = 0.01
     record: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Record the gentlest episode and the worst, to replay.")
-    ] = None,
+    ] = None
     ray: Annotated[
         str | None,
         typer.Option(
             metavar="ADDRESS",
             help="Share the pieces out over a Ray cluster: HOST:PORT of its head, or local, this machine's processors.",
         ),
-    ] = None,
-) -> None:
-    """Judge a policy on pieces that it has not seen, beside fixed rules."""
-    from softseam_studies.learn.evaluate import Wishes
-    from softseam_studies.learn.evaluate import evaluate as judge
+    ] = None
 
-    judge(Wishes(policy, pieces, step, record, ray), Console())
+
+evaluate = command(Evaluate, "softseam_studies.learn.evaluate:evaluate")

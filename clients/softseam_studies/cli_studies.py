@@ -1,6 +1,6 @@
 """Commands of the command line that study a scene, or softseam itself: chart, plan, calibrate and atlas."""
 
-import os
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated
@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from softseam.cli_options import SceneArgument, Settings, Tolerance
+from softseam.cli_options import SceneArgument, Settings, Tolerance, Wanted, command
 
 CHART = (
     "[bold]What it does[/bold]\n\n"
@@ -73,37 +73,36 @@ ATLAS = (
 )
 
 
-def chart(
-    scene: SceneArgument,
+@dataclass(frozen=True)
+class Chart:
+    """Chart accuracy against speed: many ways to simulate a scene, each against a converged reference."""
+
+    scene: SceneArgument
     out: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Where the results go; default: out/chart-<scene>.")
-    ] = None,
+    ] = None
     minutes: Annotated[
         float, typer.Option(metavar="MINUTES", help="Longest that reference and sweep may run, without compiling.")
-    ] = 10.0,
+    ] = 10.0
     rivals: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Measured rows of other simulators (JSON), drawn with their source."),
-    ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the stored reference and the stored runs.")] = False,
+    ] = None
+    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the stored reference and the stored runs.")] = False
     jobs: Annotated[
         int, typer.Option(metavar="N", min=0, help="Configurations that run side by side; 0: one on each core.")
-    ] = 1,
+    ] = 1
     ray: Annotated[
         str | None,
         typer.Option(
             metavar="ADDRESS",
             help="Have a Ray cluster run them: HOST:PORT of its head, or local, this machine's processors.",
         ),
-    ] = None,
-    settings: Settings = None,
-) -> None:
-    """Chart accuracy against speed: many ways to simulate a scene, each against a converged reference."""
-    from softseam_studies.study.chart_command import Wishes
-    from softseam_studies.study.chart_command import chart as draw_chart
+    ] = None
+    settings: Wanted = ()
 
-    jobs = jobs or os.cpu_count() or 1
-    draw_chart(Wishes(scene, tuple(settings or ()), out, minutes, rivals, fresh, jobs, ray), Console())
+
+chart = command(Chart, "softseam_studies.study.chart_command:chart")
 
 
 def plan(
@@ -135,36 +134,34 @@ def plan(
     find_plan(wishes, Console(), began)
 
 
-def calibrate(
-    scene: SceneArgument,
+@dataclass(frozen=True)
+class Calibrate:
+    """Measure stiffness, frequency and damping as XPBD shows them, and name the cheapest substeps that will do."""
+
+    scene: SceneArgument
     tolerance: Annotated[
         float, typer.Option(metavar="SHARE", help="Of Young's modulus in time, and of the amplitude a period.")
-    ] = 0.05,
-    report: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the figures to this .json file.")] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Forget what was measured before.")] = False,
-    settings: Settings = None,
-) -> None:
-    """Measure stiffness, frequency and damping as XPBD shows them, and name the cheapest substeps that will do."""
-    from softseam_studies.calibrating import Wishes
-    from softseam_studies.calibrating import calibrate as measure
-
-    measure(Wishes(scene, tuple(settings or ()), tolerance, report, fresh), Console())
+    ] = 0.05
+    report: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the figures to this .json file.")] = None
+    fresh: Annotated[bool, typer.Option("--fresh", help="Forget what was measured before.")] = False
+    settings: Wanted = ()
 
 
-def atlas(
+calibrate = command(Calibrate, "softseam_studies.calibrating:calibrate")
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """Map stability where methods fail: which settings are accurate, recovered, wrong, unstable, or refused."""
+
     maps: Annotated[
-        list[str] | None, typer.Argument(metavar="[MAP ...]", help="Which maps; default: all. See below.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Where the results go; default: out/atlas.")
-    ] = None,
+        tuple[str, ...], typer.Argument(metavar="[MAP ...]", help="Which maps; default: all. See below.")
+    ] = ()
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Where the results go; default: out/atlas.")] = None
     long: Annotated[
         bool, typer.Option("--long", help="Instead: hold a small body for 100,000 steps with each model.")
-    ] = False,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the kept runs of what is asked for.")] = False,
-) -> None:
-    """Map stability where methods fail: which settings are accurate, recovered, wrong, unstable, or refused."""
-    from softseam_studies.atlas.command import Wishes
-    from softseam_studies.atlas.command import atlas as draw_atlas
+    ] = False
+    fresh: Annotated[bool, typer.Option("--fresh", help="Forget the kept runs of what is asked for.")] = False
 
-    draw_atlas(Wishes(tuple(maps or ()), out, long, fresh), Console())
+
+atlas = command(Atlas, "softseam_studies.atlas.command:atlas")

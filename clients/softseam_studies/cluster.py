@@ -7,7 +7,6 @@ import os
 import socket
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from types import TracebackType
 from typing import Any, Generic, TypeVar
 
 from softseam.errors import BadInput, NoConnection, ServicesFailed, missing_extra
@@ -135,9 +134,7 @@ class Workers(Generic[Work, Result]):
         self.size = max(int(ray.cluster_resources().get("CPU", 0)), 1)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._ray.shutdown()
 
     def begin(self, work: Work) -> int:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import yaml
 from rich.console import Console
@@ -135,33 +135,33 @@ class Line:
 
 def scene_of(path: Path, name: str) -> tuple[str, list[Line]]:
     """Text of the scene that a template becomes, called `name`, and what became of each line. Raises SceneRefused."""
-    marked = _read(path)
-    data = marked.data
+    file = _File.read(path)
+    data = file.marked.data
     roots = list(data) if isinstance(data, dict) else []
     if len(roots) != 1 or roots[0] not in TEMPLATES:
         unknown = next((key for key in roots if key not in TEMPLATES), "")
-        raise _refused(path, marked, (unknown,) if unknown else (), f"a template has one key: {' or '.join(TEMPLATES)}")
+        raise file.refused((unknown,) if unknown else (), f"a template has one key: {' or '.join(TEMPLATES)}")
     template, root = TEMPLATES[roots[0]], (roots[0],)
     if not isinstance(data[roots[0]], dict):
-        raise _refused(path, marked, root, f"{roots[0]} is a mapping of keys, e.g. {template.keys[0]}")
+        raise file.refused(root, f"{roots[0]} is a mapping of keys, e.g. {template.keys[0]}")
     scene: dict[str, Any] = {"softseam": 1, "name": name, **json.loads(json.dumps(template.assumed))}
     lines: list[Line] = []
     places: dict[str, marked_yaml.Path] = {}
-    for key, at, value in _entries(path, marked, data[roots[0]], root):
+    for key, at, value in file.entries(data[roots[0]], root):
         if key not in template.keys:
-            raise _unknown(path, marked, at, key, template.keys)
+            raise file.unknown(at, key, template.keys)
         if key in places:
-            raise _refused(path, marked, at, f"{key} is given twice: leave one out")
+            raise file.refused(at, f"{key} is given twice: leave one out")
         places[key] = at
         became = template.equal.get(key, ())
         for target in became:
             _put(scene, target, value)
-        lines.append(Line(marked.values[at].line, key, value, became, template.without.get(key, "")))
+        lines.append(Line(file.marked.values[at].line, key, value, became, template.without.get(key, "")))
     text = _written(path.name, scene, lines)
     try:
         parse_scene(text)
     except SceneError as error:
-        raise _of_template(path, marked, template, places, root, error) from None
+        raise file.of_template(template, places, root, error) from None
     return text, lines
 
 
@@ -189,37 +189,69 @@ def import_template(path: Path, out: Path | None, console: Console) -> None:
     console.print(Text(f"scene: {out} (softseam run {out})"), soft_wrap=True)
 
 
-def _read(path: Path) -> marked_yaml.Marked:
-    try:
-        with path.open("rb") as file:
-            raw = file.read(MAX_SCENE_BYTES + 1)
-        if len(raw) > MAX_SCENE_BYTES:
-            raise SceneRefused(f"{path}:1:1: larger than {MAX_SCENE_BYTES} bytes: is this a template?")
-        return marked_yaml.parse(raw.decode("utf-8-sig"))
-    except OSError as error:
-        raise SceneRefused(f"{path}:1:1: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise SceneRefused(f"{path}:1:1: not UTF-8 text: is this a template?") from None
-    except marked_yaml.YamlError as error:
-        raise SceneRefused(f"{path}:{error.mark.line}:{error.mark.column}: {error}") from None
+@dataclass(frozen=True)
+class _File:
+    """A template as it was read."""
 
+    path: Path
+    marked: marked_yaml.Marked
 
-def _entries(
-    path: Path, marked: marked_yaml.Marked, value: Any, at: marked_yaml.Path, key: str = ""
-) -> Iterator[tuple[str, marked_yaml.Path, Any]]:
-    """Each value of a template with its key, in which an entry of a list has its `type`, and its place in the file."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from _entries(path, marked, inner, (*at, name), f"{key}.{name}" if key else str(name))
-    elif isinstance(value, list):
-        for i, entry in enumerate(value):
-            kind = entry.get("type") if isinstance(entry, dict) else None
-            if not isinstance(kind, str):
-                raise _refused(path, marked, (*at, i), f"{key}: an entry says its type, e.g. type: distance")
-            rest = {name: inner for name, inner in entry.items() if name != "type"}
-            yield from _entries(path, marked, rest, (*at, i), f"{key}.{kind}")
-    else:
-        yield key, at, value
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Raises SceneRefused."""
+        try:
+            with path.open("rb") as file:
+                raw = file.read(MAX_SCENE_BYTES + 1)
+            if len(raw) > MAX_SCENE_BYTES:
+                raise SceneRefused(f"{path}:1:1: larger than {MAX_SCENE_BYTES} bytes: is this a template?")
+            return cls(path, marked_yaml.parse(raw.decode("utf-8-sig")))
+        except OSError as error:
+            raise SceneRefused(f"{path}:1:1: cannot be read: {error.strerror}") from None
+        except UnicodeDecodeError:
+            raise SceneRefused(f"{path}:1:1: not UTF-8 text: is this a template?") from None
+        except marked_yaml.YamlError as error:
+            raise SceneRefused(f"{path}:{error.mark.line}:{error.mark.column}: {error}") from None
+
+    def entries(self, value: Any, at: marked_yaml.Path, key: str = "") -> Iterator[tuple[str, marked_yaml.Path, Any]]:
+        """Each value with its key, in which an entry of a list has its `type`, and its place in the file."""
+        if isinstance(value, dict):
+            for name, inner in value.items():
+                yield from self.entries(inner, (*at, name), f"{key}.{name}" if key else str(name))
+        elif isinstance(value, list):
+            for i, entry in enumerate(value):
+                kind = entry.get("type") if isinstance(entry, dict) else None
+                if not isinstance(kind, str):
+                    raise self.refused((*at, i), f"{key}: an entry says its type, e.g. type: distance")
+                rest = {name: inner for name, inner in entry.items() if name != "type"}
+                yield from self.entries(rest, (*at, i), f"{key}.{kind}")
+        else:
+            yield key, at, value
+
+    def of_template(
+        self,
+        template: _Template,
+        places: Mapping[str, marked_yaml.Path],
+        root: marked_yaml.Path,
+        error: SceneError,
+    ) -> SceneRefused:
+        """What is wrong with the scene as what is wrong with the template's key that it comes from."""
+        source = next((key for key, targets in template.equal.items() if error.key in targets), "")
+        hint = f"; did you mean {error.nearest!r}?" if error.nearest else ""
+        problem = error.problem + hint + (f" (allowed: {error.allowed})" if error.allowed else "")
+        if not source:
+            return self.refused(root, f"the scene that it becomes is none: {error.key}: {problem}")
+        if source not in places:
+            return self.refused(root, f"{source} is missing")
+        return self.refused(places[source], f"{source}: {problem}")
+
+    def unknown(self, at: marked_yaml.Path, key: str, keys: list[str]) -> SceneRefused:
+        near = difflib.get_close_matches(key, keys, 1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        return self.refused(at, f"{key}: unknown key{hint} (allowed: {', '.join(keys)})")
+
+    def refused(self, at: marked_yaml.Path, problem: str) -> SceneRefused:
+        mark = self.marked.keys.get(at, self.marked.values[at])
+        return SceneRefused(f"{self.path}:{mark.line}:{mark.column}: {problem}")
 
 
 def _put(scene: dict[str, Any], key: str, value: Any) -> None:
@@ -241,33 +273,3 @@ def _assumed(lines: list[Line]) -> str:
     said = {target for line in lines for target in line.became}
     more = [word for word, key in (("density", "body.material.density"), ("step", "step")) if key not in said]
     return ", ".join(["body", "tools", "motion", *more])
-
-
-def _of_template(
-    path: Path,
-    marked: marked_yaml.Marked,
-    template: _Template,
-    places: Mapping[str, marked_yaml.Path],
-    root: marked_yaml.Path,
-    error: SceneError,
-) -> SceneRefused:
-    """What is wrong with the scene as what is wrong with the template's key that it comes from."""
-    source = next((key for key, targets in template.equal.items() if error.key in targets), "")
-    hint = f"; did you mean {error.nearest!r}?" if error.nearest else ""
-    problem = error.problem + hint + (f" (allowed: {error.allowed})" if error.allowed else "")
-    if not source:
-        return _refused(path, marked, root, f"the scene that it becomes is none: {error.key}: {problem}")
-    if source not in places:
-        return _refused(path, marked, root, f"{source} is missing")
-    return _refused(path, marked, places[source], f"{source}: {problem}")
-
-
-def _unknown(path: Path, marked: marked_yaml.Marked, at: marked_yaml.Path, key: str, keys: list[str]) -> SceneRefused:
-    near = difflib.get_close_matches(key, keys, 1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    return _refused(path, marked, at, f"{key}: unknown key{hint} (allowed: {', '.join(keys)})")
-
-
-def _refused(path: Path, marked: marked_yaml.Marked, at: marked_yaml.Path, problem: str) -> SceneRefused:
-    mark = marked.keys.get(at, marked.values[at])
-    return SceneRefused(f"{path}:{mark.line}:{mark.column}: {problem}")

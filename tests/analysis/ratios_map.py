@@ -19,7 +19,7 @@ from analysis.linear_study.prakash_hjelmstad import PrakashHjelmstad
 from analysis.linear_study.split import Scheme, Split, SplitState, amplification, spectral_radius
 from analysis.linear_study.velocity_constant import VelocityConstant
 from softseam_protocol.scene.kinds import INTEGRATORS as FACTS
-from softseam_studies.atlas.maps.grid import Cell, Map, Panel
+from softseam_studies.atlas.grid import Cell, Map, Panel
 from softseam_studies.atlas.verdicts import Verdict, percent
 
 Floats = NDArray[np.float64]

@@ -18,11 +18,12 @@ from rich.console import Console
 from softseam.embedded import solver_digest
 from softseam_protocol.facts import machine
 from softseam_studies.atlas.atlas import MAPS, Filled
-from softseam_studies.atlas.command import Found, Wishes, atlas
+from softseam_studies.atlas.command import Found, atlas
 from softseam_studies.atlas.draw import MARKS
 from softseam_studies.atlas.long_run import LongRun, cells
 from softseam_studies.atlas.pitfalls import Row
 from softseam_studies.atlas.verdicts import KINDS, MEANING
+from softseam_studies.cli_studies import Atlas as Wishes
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = """# Stability where methods fail

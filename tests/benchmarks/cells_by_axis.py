@@ -14,7 +14,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from softseam.norm import rms
+from softseam.columns import rms
 from softseam.scenes import load_scene
 from softseam.variants import AS_GIVEN, with_settings
 from softseam_studies.study.configurations import Fem

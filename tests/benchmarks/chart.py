@@ -16,7 +16,8 @@ from rich.console import Console
 
 from softseam.view.colors import label
 from softseam_protocol.facts import machine
-from softseam_studies.study.chart_command import Wishes, chart
+from softseam_studies.cli_studies import Chart as Wishes
+from softseam_studies.study.chart_command import chart
 from softseam_studies.study.errors import Error, not_counted
 from softseam_studies.study.landmarks import ASKED, Landmark, read_rivals
 from softseam_studies.study.reference import Reference, in_words, origin

@@ -24,8 +24,7 @@ from benchmarks.claims_page import AS_THEY_ARE, CURVE, GRIPS, OTHERS, VARIED, Ro
 from rich.console import Console
 
 from softseam.claims.beside import reported, run_here
-from softseam.claims.claim import Scale, claims, difference
-from softseam.claims.readings import READINGS, measured
+from softseam.claims.claim import READINGS, Scale, claims, difference, measured
 from softseam.claims.sibling import cell_edges, sibling_of
 from softseam.embedded import EmbeddedBackend, solver_digest
 from softseam.session import Session

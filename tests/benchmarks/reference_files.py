@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from softseam.norm import rms
+from softseam.columns import rms
 from softseam_studies.study.bundled import File, digest_of_document
 from softseam_studies.study.errors import Truth
 from softseam_studies.study.levels import Levels

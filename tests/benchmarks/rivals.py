@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from softseam_studies.study.chart_command import Wishes, chart
+from softseam_studies.cli_studies import Chart as Wishes
+from softseam_studies.study.chart_command import chart
 from softseam_studies.study.errors import errors
 from softseam_studies.study.reference import Reference
 from softseam_studies.study.series import Series

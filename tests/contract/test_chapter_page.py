@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from softseam.cli import app
+from softseam.app import app
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "chapter.md").read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import softseam
-from softseam.cli import app
+from softseam.app import app
 from softseam.duration import expected_duration
 from softseam_protocol.scene.file import parse_scene
 

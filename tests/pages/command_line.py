@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from softseam.cli import app
+from softseam.app import app
 
 HEAD = """# Command line
 

@@ -12,20 +12,23 @@ from rich.console import Console
 
 from softseam.errors import BadInput
 from softseam_studies.atlas import atlas as registry
-from softseam_studies.atlas.command import Wishes, atlas
-from softseam_studies.atlas.maps import impact, iterations, messages, poisson, shapes, slope, squeeze, step, tools
+from softseam_studies.atlas.command import atlas
+from softseam_studies.atlas.grid import build
+from softseam_studies.atlas.runs import RUNS
+from softseam_studies.cli_studies import Atlas as Wishes
 
-TINY = {
-    "step": partial(step.build, (0.01,), (1e4,)),
-    "poisson": partial(poisson.build, (0.3, 0.4999), ("hex8_full", "hex8", "hex27")),
-    "iterations": partial(iterations.build, (1, 4, 32), (2, 64)),
-    "squeeze": partial(squeeze.build, (0.1, 0.5), (0.03,)),
-    "tools": partial(tools.build, ("ball 10", "box 12"), (10.0,)),
-    "shapes": partial(shapes.build, ("star",), (6.0,)),
-    "slope": partial(slope.build, (20.0,), (0.2, 0.4)),
-    "impact": partial(impact.build, (10.0,), (1e-3,)),
-    "messages": partial(messages.build, (16,)),
+SMALL: dict[str, tuple[Any, Any]] = {
+    "step": ({"10": 0.01}, {"10 kPa": 1e4}),
+    "poisson": ((0.3, 0.4999), {"hex8_full (control)": "hex8_full", "hex8": "hex8", "hex27": "hex27"}),
+    "iterations": ((1, 4, 32), None),
+    "squeeze": ({"10": 0.1, "50": 0.5}, (0.03,)),
+    "tools": (("ball 10", "box 12"), (10.0,)),
+    "shapes": (("star",), (6.0,)),
+    "slope": ((20.0,), (0.2, 0.4)),
+    "impact": ({"1": 1e-3}, (10.0,)),
+    "messages": ({"1 of 16": 16}, None),
 }
+TINY = {name: partial(build, name, RUNS[name], *axes) for name, axes in SMALL.items()}
 MAPS = tuple(TINY)
 Cells = dict[tuple[str, str, str, str], dict[str, Any]]
 

@@ -24,11 +24,12 @@ from rich.console import Console
 
 from softseam.errors import BadInput, NoConnection, ServicesFailed
 from softseam_studies import cluster as sharing
+from softseam_studies.cli_learning import Evaluate as Wishes
+from softseam_studies.cli_studies import Chart as Charting
 from softseam_studies.cluster import share
-from softseam_studies.learn.evaluate import Wishes, evaluate
+from softseam_studies.learn.evaluate import evaluate
 from softseam_studies.learn.policy import POLICY, Training
 from softseam_studies.learn.train import new_learner, vectorised
-from softseam_studies.study.chart_command import Wishes as Charting
 from softseam_studies.study.chart_command import chart
 from softseam_studies.study.configurations import Configuration, Fem
 from softseam_studies.study.store import Identity, Store

@@ -24,14 +24,14 @@ from rich.console import Console
 from softseam.errors import BadInput
 from softseam.gym.batch_env import BatchEnv
 from softseam.recording import Recording
+from softseam_studies.cli_learning import Evaluate as Judgement
+from softseam_studies.cli_learning import Train as Wishes
 from softseam_studies.learn import train as training
-from softseam_studies.learn.check_beside import Beside
-from softseam_studies.learn.curriculum import Stage
-from softseam_studies.learn.evaluate import Wishes as Judgement
+from softseam_studies.learn.check import Beside
 from softseam_studies.learn.evaluate import evaluate
 from softseam_studies.learn.policy import POLICY, TRAINING, read_training
-from softseam_studies.learn.tasks import TASKS
-from softseam_studies.learn.train import Wishes, train
+from softseam_studies.learn.tasks import TASKS, Stage
+from softseam_studies.learn.train import train
 
 learns = pytest.mark.skipif(
     find_spec("stable_baselines3") is None and not os.environ.get("CI"), reason="pip install 'softseam[learn]'"
@@ -157,9 +157,9 @@ def test_a_training_without_checks_says_why(
         def __init__(self, *given: Any) -> None:
             super().__init__(*given)
             if sent is not None:
-                self._process.send_signal(sent)
+                self.child.process.send_signal(sent)
             if sent is signal.SIGKILL:
-                self._process.wait()
+                self.child.process.wait()
 
     monkeypatch.setattr(training, "Beside", Sent)
     monkeypatch.setattr(training, "_WAIT", 0.1)

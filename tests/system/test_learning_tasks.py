@@ -20,13 +20,13 @@ from rich.console import Console
 from softseam.errors import BadInput
 from softseam.gym.task_env import TaskEnv
 from softseam.scenes import scene_path
+from softseam_studies.cli_learning import Evaluate as Judgement
+from softseam_studies.cli_learning import Train as Wishes
 from softseam_studies.learn import train as training
 from softseam_studies.learn.evaluate import THE_POLICY, episode, evaluate, learned
-from softseam_studies.learn.evaluate import Wishes as Judgement
 from softseam_studies.learn.policy import POLICY, TRAINING, Training, read_training
-from softseam_studies.learn.rules import Rule
-from softseam_studies.learn.tasks import TASKS
-from softseam_studies.learn.train import Wishes, one_of, train
+from softseam_studies.learn.tasks import TASKS, Rule
+from softseam_studies.learn.train import one_of, train
 
 learns = pytest.mark.skipif(
     find_spec("stable_baselines3") is None and not os.environ.get("CI"), reason="pip install 'softseam[learn]'"

@@ -20,12 +20,11 @@ import pytest
 from chromium import browse
 from damaged import with_a_bad_chunk
 from matplotlib.image import imread
+from screenshots import screenshots
 from squeeze import SCENE, Squeeze
 
-from softseam.embedded import resimulate
 from softseam.recording import Recording
 from softseam.replay import ReplayError, replay, verify
-from softseam.replay.screenshot import screenshots
 from softseam.replay.show import free_port, web_address, web_arguments
 from softseam.replay.viewer import REPORTING, quiet, running, viewer
 from softseam_protocol.messages.participant import Bundle
@@ -270,7 +269,7 @@ def simulated(messages: Simulated, tmp_path_factory: pytest.TempPathFactory) -> 
 
 
 def test_a_run_is_simulated_again_bit_for_bit(simulated: Path) -> None:
-    found = verify(Recording(simulated), resimulate)
+    found = verify(Recording(simulated))
     assert found.same and found.steps == found.frames == 30, found.text
     assert found.text == "all 30 steps and 30 frames are the same, bit for bit"
 
@@ -278,7 +277,7 @@ def test_a_run_is_simulated_again_bit_for_bit(simulated: Path) -> None:
 def test_verification_says_which_step_differs_first(simulated: Path) -> None:
     changed = Changed(simulated)
     changed.step = 17
-    found = verify(changed, resimulate)
+    found = verify(changed)
     assert not found.same and found.differs_at == 17
     assert found.text.startswith("step 17 is the first that differs: x by up to ")
 
@@ -288,7 +287,7 @@ def test_verification_ends_before_a_hole_and_says_so(messages: Simulated, tmp_pa
     recording = Recording(with_a_bad_chunk(tmp_path / "run.mcap", *messages, 4))
     (hole,) = recording.holes
     first = round(hole.start / 0.01)
-    found = verify(recording, resimulate)
+    found = verify(recording)
     assert not found.same and found.steps == found.differs_at == first > 5
     assert f"the {first} steps before it and their {found.frames} frames are the same, bit for bit" in found.text
     assert f"commands of the {hole.steps} steps before step {first + hole.steps} are missing" in found.text

@@ -17,11 +17,12 @@ from rich.console import Console
 from softseam.errors import BadInput
 from softseam_studies.atlas import atlas as registry
 from softseam_studies.atlas import command, long_run, pitfalls
-from softseam_studies.atlas.command import Found, Wishes, atlas
+from softseam_studies.atlas.command import Found, atlas
 from softseam_studies.atlas.draw import MARKS, inside
-from softseam_studies.atlas.maps.grid import Cell, Map, Panel
+from softseam_studies.atlas.grid import Cell, Map, Panel
 from softseam_studies.atlas.trace import Trace
 from softseam_studies.atlas.verdicts import Verdict, judge
+from softseam_studies.cli_studies import Atlas as Wishes
 
 NAMES = ("step", "squeeze")
 Tables = Callable[..., tuple[dict[str, Any], list[dict[str, str]]]]

@@ -13,13 +13,12 @@ from softseam.errors import BadInput
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import Detail, EventKind
 from softseam_protocol.messages.session import Event
-from softseam_studies.atlas import controls
-from softseam_studies.atlas.atlas import Filled
-from softseam_studies.atlas.command import Wishes, atlas
+from softseam_studies.atlas import pitfalls
+from softseam_studies.atlas.atlas import Filled, write_csv
+from softseam_studies.atlas.command import atlas
 from softseam_studies.atlas.draw import draw_map, draw_overview, inside
-from softseam_studies.atlas.maps.grid import Cell, Map, Panel
+from softseam_studies.atlas.grid import Cell, Map, Panel
 from softseam_studies.atlas.scenes import force_share, press, pressed
-from softseam_studies.atlas.table import write_csv
 from softseam_studies.atlas.trace import (
     CRUSHED,
     CUT,
@@ -34,6 +33,7 @@ from softseam_studies.atlas.trace import (
     told_by,
 )
 from softseam_studies.atlas.verdicts import KINDS, Kind, Verdict, judge, percent
+from softseam_studies.cli_studies import Atlas as Wishes
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_a_refused_scene_says_why_in_a_sentence() -> None:
 
 
 @pytest.mark.parametrize(
-    "measure", [controls.hourglass, controls.constraint_order, controls.closed_cycle], ids=lambda f: f.__name__
+    "measure", [pitfalls.hourglass, pitfalls.constraint_order, pitfalls.closed_cycle], ids=lambda f: f.__name__
 )
 def test_controls_fail_and_remedies_hold(measure: object) -> None:
     assert callable(measure)

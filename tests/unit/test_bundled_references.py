@@ -19,6 +19,7 @@ from softseam.errors import BadInput
 from softseam.observation import Observation
 from softseam.scenes import load_scene, references_folder
 from softseam.variants import with_settings
+from softseam_studies.cli_studies import Chart
 from softseam_studies.study import bundled
 from softseam_studies.study import chart_command as command
 from softseam_studies.study import plan_command as planning
@@ -208,7 +209,7 @@ def test_a_chart_with_what_ships_runs_no_reference(
     monkeypatch.setattr(command, "sweep", swept)
     monkeypatch.setattr("softseam_studies.study.study.quantity_names", lambda scene: NAMES)
     console = Console(record=True, width=200)
-    _, reference = command.chart(command.Wishes("tofu_grasp", out=tmp_path / "out", minutes=1.0), console)
+    _, reference = command.chart(Chart("tofu_grasp", out=tmp_path / "out", minutes=1.0), console)
     assert reference.bundled and budgets[0] > 50.0, "nearly all of the minute is the sweep's"
     assert "the reference ships with the scene, made from 6 runs, known to" in console.export_text()
 

@@ -10,8 +10,9 @@ import pytest
 from rich.console import Console
 
 from softseam.errors import BadInput
+from softseam_studies.cli_studies import Chart as Wishes
 from softseam_studies.study import chart_command as command
-from softseam_studies.study.chart_command import Wishes, chart
+from softseam_studies.study.chart_command import chart
 from softseam_studies.study.configurations import Configuration, Fem
 from softseam_studies.study.frame import Frame
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softseam.norm import is_nothing, rms
+from softseam.columns import is_nothing, rms
 from softseam_studies.study.errors import (
     Truth,
     errors,

@@ -16,6 +16,7 @@ from softseam.gym import BatchEnv, TofuLift
 from softseam_studies.learn.check import (
     CHECK_STEP,
     MOMENTS,
+    Beside,
     Check,
     Episode,
     Watched,
@@ -24,7 +25,6 @@ from softseam_studies.learn.check import (
     replay,
     show_checks,
 )
-from softseam_studies.learn.check_beside import Beside
 from softseam_studies.learn.curve import draw_curve
 from softseam_studies.learn.policy import Training
 
@@ -142,8 +142,8 @@ def test_a_process_beside_finds_the_same(episode: Episode, fem: TofuLift) -> Non
         check = beside.ended(60.0)
         assert check == compare(episode, replay(fem, episode))
         assert beside.ended(0.1) is None and beside.alive
-        beside._process.kill()
-        beside._process.wait()
+        beside.child.process.kill()
+        beside.child.process.wait()
         lifted(beside.see, batch, 110)
         assert not beside.alive and beside.ended(0.1) is None
     finally:

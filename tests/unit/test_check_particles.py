@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from softseam.cli import app
+from softseam.app import app
 
 pytestmark = pytest.mark.kernels
 

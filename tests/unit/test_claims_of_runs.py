@@ -129,7 +129,7 @@ def test_a_sibling_that_dies_harms_nothing(block: str, monkeypatch: pytest.Monke
 
     def killed(self: Beside, bundle: Any) -> None:
         begin(self, bundle)
-        os.kill(self.process.pid, signal.SIGKILL)
+        os.kill(self.child.process.pid, signal.SIGKILL)
 
     monkeypatch.setattr(Beside, "begin", killed)
     found, said = ran(block)
@@ -153,7 +153,7 @@ def test_a_sibling_ends_with_the_run_that_is_killed(block: str) -> None:
     code = (
         "import os, signal, sys; from softseam.claims.beside import Beside; from softseam.scenes import bundle_of; "
         "beside = Beside().__enter__(); beside.begin(bundle_of(sys.argv[1])[1]); assert beside.begun(300.0); "
-        "print(beside.process.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
+        "print(beside.child.process.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
     )
     Path(block).write_text(BLOCK.replace("motion:", "duration: 10000.0\nmotion:"))
     command = [sys.executable, "-c", code, block]

@@ -11,7 +11,7 @@ import pytest
 
 import softseam
 from softseam.embedded import EmbeddedBackend
-from softseam.stress import principal_stress, von_mises
+from softseam.observation import principal_stress, von_mises
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.bodies import BlockShape, BodySpec
 from softseam_protocol.scene.motion import HoldPhase

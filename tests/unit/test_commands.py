@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from softseam.cli import app
+from softseam.app import app
 from softseam.commands import COMMANDS, Planner, commands_after, planner
-from softseam_studies.study import asked
+from softseam_studies.study import plan_watch
 
 
 def test_each_row_is_a_command() -> None:
@@ -22,5 +22,5 @@ def test_each_row_is_a_command() -> None:
 
 def test_the_planner_is_one() -> None:
     """The module that the row names is what the client takes it for; a type checker reads this, too."""
-    named: Planner = asked
+    named: Planner = plan_watch
     assert planner() is named

@@ -10,7 +10,6 @@ import pytest
 from particle_run import ParticleRun, particle_scene
 
 import softseam
-from softseam.embedded import resimulate
 from softseam.pictures import draw_pictures
 from softseam.recording import Recording
 from softseam.replay.verify import verify
@@ -257,7 +256,7 @@ def test_a_fold_is_recorded_drawn_and_simulated_again(tmp_path: Path) -> None:
         held = [session.step().quantities["held"] for _ in range(15)]
     assert held[0] > 0.0 and held[-1] > 0.0
     recording = Recording(path)
-    found = verify(recording, resimulate)
+    found = verify(recording)
     assert found.same and found.steps == 15, found.text
     assert recording.surfaces
     surface = DisplaySurface(recording.surfaces["body"])

@@ -15,9 +15,8 @@ from softseam.scenes import load_scene
 from softseam_protocol.scene.file import scene_json
 from softseam_protocol.scene.scene import Scene
 from softseam_studies.study import plan_command
-from softseam_studies.study.deadline import READING, Deadline
 from softseam_studies.study.errors import Truth
-from softseam_studies.study.measure import Outcome, measure
+from softseam_studies.study.measure import READING, Deadline, Outcome, measure
 from softseam_studies.study.planner import NoPlan, promised
 from softseam_studies.study.reference import Part, Reference, counted
 from softseam_studies.study.refine import fine

@@ -9,7 +9,6 @@ import pytest
 import rerun as rr
 
 import softseam
-from softseam.embedded import resimulate
 from softseam.recording import Recording, time_of
 from softseam.replay import convert, verify
 from softseam_protocol.messages.session import Frame, StepReport
@@ -41,7 +40,7 @@ def test_the_first_message_is_the_body_at_rest_between_its_tools(recording: Reco
 
 
 def test_it_is_simulated_again_to_the_bit(recording: Recording) -> None:
-    again = verify(recording, resimulate)
+    again = verify(recording)
     assert again.same and again.frames == 3
 
 

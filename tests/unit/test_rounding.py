@@ -16,8 +16,7 @@ from squeeze import SCENE, Squeeze
 from softseam.closing import print_closing
 from softseam.recording import Recording
 from softseam.replay.facts import summary
-from softseam.report import ReportBuilder
-from softseam.rounding import Rounding
+from softseam.report import ReportBuilder, Rounding
 from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.scene import Scene
 from softseam_services.recorder.recorder import McapRecorder

@@ -11,12 +11,11 @@ import pytest
 from typer.testing import CliRunner
 
 import softseam
-from softseam.cli import app
+from softseam.app import app
 from softseam.errors import BadInput, SimulationFailed
 from softseam_studies.surrogate import Surrogate
-from softseam_studies.surrogate.fitting import Curve, common_squeezes, fitted
-from softseam_studies.surrogate.learn import learn
-from softseam_studies.surrogate.varied import Floats, Varied, spread
+from softseam_studies.surrogate.learn import Curve, common_squeezes, fitted, learn
+from softseam_studies.surrogate.surrogate import Floats, Varied, spread
 
 VARIED = (Varied("body.material.young", 10e3, 40e3), Varied("body.material.poisson", 0.3, 0.48))
 SQUEEZE = np.linspace(0.01, 0.3, 40)

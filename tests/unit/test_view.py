@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from squeeze import Squeeze
 
-from softseam.stress import von_mises
+from softseam.observation import von_mises
 from softseam.view import colors
 from softseam.view.colors import engineering, round_up, stress_colors
 from softseam.view.raster import Camera, Canvas

@@ -15,7 +15,8 @@ from rich.console import Console
 import softseam
 from softseam.errors import BadInput
 from softseam_protocol.scene.file import scene_json
-from softseam_studies.fit.command import Wishes, fit_scene
+from softseam_studies.cli_fitting import Fit as Wishes
+from softseam_studies.fit.command import fit_scene
 from softseam_studies.fit.least_squares import Answer
 
 SQUEEZE: list[dict[str, Any]] = [

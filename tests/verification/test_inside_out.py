@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from softseam_services.fem.inside_out import _SLOPES
-from softseam_studies.atlas.maps.squeeze import SPEEDS, run
+from softseam_studies.atlas.runs import squeeze as run
+from softseam_studies.atlas.scenes import data_of
 
+DATA = data_of("squeeze")
+SPEEDS = DATA["rows"]
 TOLD = "monitor of FEM: cells are inside out"
 LEAPT = "alarm: energy from nowhere"
 
@@ -17,14 +20,14 @@ LEAPT = "alarm: energy from nowhere"
 def test_who_is_squeezed_by_70_percent_is_told_that_cells_are_inside_out(speed: float) -> None:
     """Where the body leapt and gained energy, that is told, and it is no verdict of a force: which of both happens at
     the slowest speed goes by rounding, and so by the processor."""
-    found = run("fem", 0.7, speed)
+    found = run(0.7, speed, "fem", **DATA["given"])
     leapt = speed == min(SPEEDS) and found.kind == "unstable" and LEAPT in found.warned
     assert found.error is None or found.error < 0.02 or TOLD in found.warned or leapt
 
 
 @pytest.mark.parametrize("squeeze", [0.3, 0.5, 0.6])
 def test_what_is_right_is_not_told_so(squeeze: float) -> None:
-    found = run("fem", squeeze, 0.3)
+    found = run(squeeze, 0.3, "fem", **DATA["given"])
     assert found.error is not None and found.error < 1e-9 and TOLD not in found.warned
 
 

@@ -22,8 +22,8 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator import error_estimate
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
-from softseam_studies.atlas.maps import poisson
-from softseam_studies.atlas.maps.poisson import bonded, cantilever, solve
+from softseam_studies.atlas.atlas import MAPS
+from softseam_studies.atlas.runs import settled, still
 from softseam_studies.atlas.scenes import press
 
 
@@ -77,10 +77,10 @@ def test_the_estimate_is_the_error_to_a_factor_of_two_and_a_half(
     element: str, poisson: float, bends: bool, trusted: bool
 ) -> None:
     """Of tip or force, against hex27 on cells a third or half as long; a run that is 5 % off says so and what to do."""
-    of = simulation((cantilever if bends else bonded)(element, poisson, 1))
+    of = simulation(still("cantilever" if bends else "bonded", element, poisson))
     said = at_the_end(of)
-    truth = solve("hex27", poisson, bends, 3 if bends else 2).value
-    error = abs(solve(element, poisson, bends, 1).value / truth - 1.0)
+    truth = settled("hex27", poisson, bends, 3 if bends else 2).value
+    error = abs(settled(element, poisson, bends).value / truth - 1.0)
     if error > 0.01:
         assert 0.4 < said.answer / error < 2.5
     events = [event.message for event in of.events if event.kind == "accuracy"]
@@ -96,7 +96,7 @@ def test_only_who_would_gain_by_it_is_told_to_take_hex27(
 ) -> None:
     """hex27_reduced is the softer of the two: on coarse cells it errs less. All are told of shorter cells."""
     monkeypatch.setattr(error_estimate, "BOUND", 1e-3)
-    of = simulation(bonded(element, 0.45, 1))
+    of = simulation(still("bonded", element, 0.45))
     said = at_the_end(of)
     of.close()
     assert said.too_large and "too coarse" in said.text and "body.cell: " in said.text
@@ -107,7 +107,7 @@ def test_only_who_would_gain_by_it_is_told_to_take_hex27(
 def test_no_cell_of_the_atlas_is_wrong_in_silence() -> None:
     """The map on which coarse low-order elements were: all of it, controls too; few that are right say they are not."""
     false_alarms = []
-    for cell in poisson.build().cells:
+    for cell in MAPS["poisson"]().cells:
         verdict = cell.run()
         assert not verdict.silent, f"{cell.label}: {verdict.why}"
         if verdict.kind == "accurate" and any("estimated" in told for told in verdict.warned):
@@ -204,7 +204,7 @@ def test_what_pbd_pays_is_bounded() -> None:
 
 
 def test_reports_sessions_and_the_closing_table_say_it() -> None:
-    scene = Scene.model_validate(cantilever("tet4_fbar", 0.45, 1))
+    scene = Scene.model_validate(still("cantilever", "tet4_fbar", 0.45))
     with open_as_given(scene) as session:
         builder = ReportBuilder(session.bundle)
         session.reset()
@@ -233,7 +233,7 @@ def test_a_body_of_particles_has_none() -> None:
 
 def test_the_estimate_is_a_number_even_of_nonsense() -> None:
     """Fields that are not numbers are not known, rather than passed on."""
-    of = simulation(cantilever("hex27", 0.3, 1))
+    of = simulation(still("cantilever", "hex27", 0.3))
     of.step()
     fields = of.regions.participants.observe(indicators=True, own=True)
     fields["body.far"].mesh_error[0] = np.nan

@@ -15,8 +15,8 @@ from test_hardly_filled import star
 
 from softseam.claims.sibling import cell_edges, sibling_of
 from softseam.embedded import EmbeddedBackend
+from softseam.observation import von_mises
 from softseam.session import Session
-from softseam.stress import von_mises
 from softseam.view.surface import DisplaySurface
 from softseam_protocol.messages.session import Frame
 from softseam_protocol.scene.bodies import BodySpec

@@ -25,7 +25,7 @@ SCENE: Table[Check[Written]] = Table(
         "motion": Check(When.BEFORE, anything, motion.look),
         "units": Check(When.BEFORE, anything, units.look),
         "tools": Check(When.BEFORE, anything, tools.look),
-        "viscosity": Check(When.NOTE, lambda seen: seen.scene.body.has_cells, viscosity.look),
+        "viscosity": Check(When.NOTE, lambda seen: seen.body.has_cells, viscosity.look),
     },
 )
 RUN: Table[Check[Ended]] = Table(

@@ -13,10 +13,10 @@ _TURNED = 0.3
 
 def look(seen: Written) -> Iterator[str]:
     scene = seen.scene
-    if all(material.kind != "linear" for material in scene.body.cell_materials):
+    if all(material.kind != "linear" for material in seen.body.cell_materials):
         return
     turns = [math.hypot(*p.turn) for p in scene.motion if isinstance(p, TurnPhase) and len(p.tools) > 1]
-    angle = max([math.hypot(*scene.body.said("spin", ())) * (expected_duration(scene) or 0.0), *turns])
+    angle = max([math.hypot(*seen.body.said("spin", ())) * (expected_duration(scene) or 0.0), *turns])
     if angle > _TURNED:
         yield (
             f"body.material.kind: linear knows no turns: a body that turns by {angle:.2g} rad swells, and goes on "

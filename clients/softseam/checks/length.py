@@ -12,7 +12,7 @@ _MANY_STEPS = 100_000
 def look(seen: Written) -> Iterator[str]:
     scene, length = seen.scene, expected_duration(seen.scene)
     if length is not None:
-        time = scene.body.cell_materials[0].retardation_time if scene.body.has_cells else 0.0
+        time = seen.body.cell_materials[0].retardation_time if seen.body.has_cells else 0.0
         if time > length:
             yield (
                 f"body.material.retardation_time: {time:g} s, but the motion lasts {length:.3g} s: next to nothing "

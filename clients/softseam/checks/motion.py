@@ -37,9 +37,9 @@ def look(seen: Written) -> Iterator[str]:
 
 def _crushes(seen: Written, key: str, phase: ClosePhase) -> Iterator[str]:
     """A grip's force beyond three times what Young's modulus makes of a side of the body's largest extent."""
-    if not seen.scene.body.has_cells:
+    if not seen.body.has_cells:
         return
-    bears = max(material.young for material in seen.scene.body.cell_materials) * seen.size**2
+    bears = max(material.young for material in seen.body.cell_materials) * seen.size**2
     for name, force in (("force", phase.force), ("until.force", phase.until.force)):
         if force is not None and force > 3.0 * bears:
             yield (

@@ -25,7 +25,7 @@ def look(seen: Written) -> Iterator[str]:
             yield f"tools.{name}.mass: {tool.mass:.4g} kg is more than a gripper has; is it in kg, not in g?"
         reaches = [tool.extent(axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
         length = 2.0 * max((reach for reach in reaches if reach is not None), default=0.0)
-        away = math.dist(tool.position, scene.body.said("position", (0.0, 0.0, 0.0)))
+        away = math.dist(tool.position, seen.body.said("position", (0.0, 0.0, 0.0)))
         least = max(5.0, 100.0 * size)
         if length > least:
             key, far, what = "", length, "from end to end"

@@ -8,7 +8,7 @@ from softseam_protocol.models import some_read
 
 def look(seen: Written) -> Iterator[str]:
     scene = seen.scene
-    time = scene.body.cell_materials[0].retardation_time
+    time = seen.body.cell_materials[0].retardation_time
     solved = some_read(scene.regions.models, "fem.integrator")
     if solved and 0.0 < time <= scene.step and scene.models.fem.integrator == "implicit_euler":
         yield (

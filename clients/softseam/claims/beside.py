@@ -1,25 +1,20 @@
-"""The sibling's run in a process of its own, beside the run that it belongs to.
-
-Two pipes join them: the scene goes to the process, and what it found comes back, after an empty line as it is set up.
-The process ends as its input does, so that it ends with the one that started it, whatever ends that.
-"""
+"""The sibling's run in a process of its own, beside the run that it belongs to: the scene goes to the process, and what
+it found comes back, after an empty line as it is set up."""
 
 from __future__ import annotations
 
 import json
 import os
 import signal
-import subprocess
 import sys
 import threading
 from collections.abc import Callable
 from time import process_time
-from types import TracebackType
 from typing import Any, BinaryIO
 
+from softseam.child import Child, answers
 from softseam.embedded import EmbeddedBackend, compile_clock
 from softseam.errors import SoftseamError
-from softseam.observation import Observation
 from softseam.report import ReportBuilder
 from softseam.session import Session
 from softseam_protocol.extensions import load_extensions
@@ -38,39 +33,18 @@ class Beside:
     def __init__(self) -> None:
         self._answer = b""
         self._begun = threading.Event()
-        self._writer: threading.Thread | None = None
 
     def __enter__(self) -> Beside:
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", __spec__.name],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C reaches the run alone, which ends it
-        )
-        self._reader = threading.Thread(target=self._read, name="softseam sibling", daemon=True)
-        self._reader.start()
+        self.child = Child(__spec__.name, (), self._read)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.process.kill()
-        self.process.wait()
-        self._reader.join()
-        if self._writer is not None:
-            self._writer.join()
-        assert self.process.stdin is not None and self.process.stdout is not None
-        try:
-            self.process.stdin.close()
-        except BrokenPipeError:
-            pass  # it ended before it had read all
-        self.process.stdout.close()
+    def __exit__(self, *_: object) -> None:
+        self.child.close()
 
     def begin(self, bundle: Bundle) -> None:
         """Have this scene run."""
-        self._writer = threading.Thread(target=self._write, args=(encode(bundle),), daemon=True)
-        self._writer.start()  # what the pipe does not hold waits until the process has loaded the solvers
+        data = encode(bundle)
+        self.child.write(len(data).to_bytes(8, "big") + data)
 
     def begun(self, seconds: float) -> bool:
         """Whether it is set up, or has ended, waiting for that no longer than this [s]."""
@@ -78,12 +52,12 @@ class Beside:
 
     def ended(self, seconds: float) -> bool:
         """Whether it has, waiting for that no longer than this [s]."""
-        self._reader.join(seconds)
-        return not self._reader.is_alive()
+        self.child.reader.join(seconds)
+        return not self.child.reader.is_alive()
 
     def result(self) -> dict[str, Any]:
         """What `followed` found, once it has ended. Raises Lost."""
-        code = self.process.wait()
+        code = self.child.process.wait()
         if code < 0:
             raise Lost(f"its process was ended by {signal.Signals(-code).name}")
         try:
@@ -94,31 +68,16 @@ class Beside:
             raise Lost(str(found["error"]))
         return found
 
-    def _write(self, data: bytes) -> None:
-        assert self.process.stdin is not None
-        try:
-            self.process.stdin.write(len(data).to_bytes(8, "big") + data)
-            self.process.stdin.flush()
-        except BrokenPipeError:
-            pass  # `result` says how it ended
-
-    def _read(self) -> None:
-        assert self.process.stdout is not None
-        first = self.process.stdout.read(1)
+    def _read(self, answers: BinaryIO) -> None:
+        first = answers.read(1)
         self._begun.set()
-        self._answer = first + self.process.stdout.read()
+        self._answer = first + answers.read()
 
 
 def reported(session: Session) -> dict[str, Any]:
     """Run a session that was just reset to its end: its report."""
     builder = ReportBuilder(session.bundle)
-
-    def step(observation: Observation) -> None:
-        for event in observation.events:
-            builder.add(event)
-        builder.add(observation.report)
-
-    session.run(step)
+    session.run(builder.see)
     return builder.build()
 
 
@@ -149,8 +108,7 @@ def _end_with(source: BinaryIO) -> None:
 
 def main() -> None:
     """Read a scene, run it, and say what came of it."""
-    source, out = sys.stdin.buffer, os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # whatever else is printed is no answer
+    source, out = sys.stdin.buffer, answers()
     load_extensions()
     with compile_clock():
         pass  # loads the solvers while the run is set up

@@ -5,7 +5,7 @@ s = |J(t + step) - J(t)| where forces time the motion, else 0,   x = max(0, d - 
 claim = a (min(x, d0) + b max(x - d0, 0)) + c delta x + s + f |J|,   d0 = 0.05 |J|                                (3)
 delta = (1/E) sum_i min(D_i, max(K_i-1, K_i)),   at most 1                                                        (4)
 
-is the claim of the curve. What is read off it (readings.py) has a claim of its own, by what is read off the sibling's:
+is the claim of the curve. What is read off it has a claim of its own, by what is read off the sibling's:
 g times eq. (3), and h times what changes in a step beside a peak, of tools' forces 2 h, with
 
 d_r = |r - r_sibling| + e d,   s of that number,   max(|r|, |J|) in place of |J|                                  (5)
@@ -37,26 +37,62 @@ The numbers are chosen on the scenes of docs/results/claims.md and checked on ot
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.claims.readings import READINGS, measured
-from softseam.columns import shown_unit
-from softseam.norm import is_nothing, rms
+from softseam.claims.sibling import LONGER
+from softseam.columns import is_nothing, rms, shown_unit
 from softseam_protocol.models import REFERENCE
 from softseam_protocol.quantities import OF_TOOLS, quantity
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]
+Read = Callable[[Floats, Floats], tuple[float, float, float]]
+"""of times (n,) [s] and values (n,): the number, by how much it changes where all comes a step later, and what changes
+in a step beside a peak"""
+
+
+def measured(entry: Mapping[str, Any]) -> tuple[Floats, Floats]:
+    """Times (n,) [s] at which a quantity's entry in a report was measured, and its values (n,)."""
+    time, values = (np.array(entry[name], dtype=np.float64) for name in ("time", "values"))
+    known = np.isfinite(values)
+    return time[known], values[known]
+
+
+def _end(time: Floats, values: Floats) -> tuple[float, float, float]:
+    return float(values[-1]), _largest(np.diff(values[-2:])), 0.0
+
+
+def _peak(time: Floats, values: Floats) -> tuple[float, float, float]:
+    """The value farthest from 0, whenever it comes."""
+    at = int(np.argmax(np.abs(values)))
+    return float(values[at]), 0.0, _largest(np.diff(values[max(0, at - 1) : at + 2]))
+
+
+def _mean(time: Floats, values: Floats) -> tuple[float, float, float]:
+    """Over time; a step later its last value is gone, and the first counts twice."""
+    if len(time) < 2:
+        return float(values[-1]), 0.0, 0.0
+    late = abs(float(values[-1] - values[0])) / (len(values) - 1)
+    return float(np.trapezoid(values, time) / (time[-1] - time[0])), late, 0.0
+
+
+def _largest(changes: Floats) -> float:
+    return float(np.abs(changes).max(initial=0.0))
+
+
+READINGS: dict[str, Read] = {"end": _end, "peak": _peak, "mean": _mean}
+"""By its name in a report."""
+
 
 SMALL = 2.0
 """a of eq. (3) [1]"""
-OF_BLOWS = 2.4
+OF_BLOWS = 1.0 / (LONGER**0.5 - 1.0)
 """a of forces between tools and bodies that nothing holds [1]"""
 OF_SLIP = 3.0
 """a of slip [1]"""
@@ -72,8 +108,9 @@ LEAST = 0.002
 """f [1]"""
 LEAST_OF_TOOLS = 0.01
 """and of forces of tools, and of stress [1]"""
-FINER = 2.0
-"""times d that is claimed where the sibling's cells and steps are half as long, so that d is less than the error [1]"""
+FINER = LONGER / (LONGER - 1.0)
+"""times d that is claimed where the sibling has the shorter cells and steps, so that d is less than the error: (2) of
+sibling.py, of first order [1]"""
 OF_CURVE = 0.5
 """e of eq. (5) [1]"""
 READ = 0.7

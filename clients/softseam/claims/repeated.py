@@ -66,9 +66,7 @@ def _repeated(session: Session, commands: Sequence[Command]) -> dict[str, Any]:
     builder = ReportBuilder(session.bundle)
     for command in commands:
         observation = session.step(command, fields=False)
-        for event in observation.events:
-            builder.add(event)
-        builder.add(observation.report)
+        builder.see(observation)
         if command is None and observation.done:
             break
     report = builder.build()

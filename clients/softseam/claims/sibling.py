@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.step_cost import fem_step, xpbd_step
+from softseam.duration import fem_step, xpbd_step
 from softseam.variants import AS_GIVEN, changed, refusal
 from softseam_protocol.messages.session import Frame
 from softseam_protocol.models import NEAR_DEFAULT, REFERENCE, ModelKind
@@ -34,7 +34,7 @@ LONGER = 2.0
 """how many times as long as the run's its cells and steps are [1]"""
 BOTH = 2.0
 """what a step of both models takes over one of FEM alone, roughly [1]"""
-_ORTHOGONAL, _APART = 1e-6, 1e-6
+_ROUNDING = 1e-6
 """cosine of an angle that counts as a right one, and of the body's extent what nodes of two planes are apart [1]"""
 LARGEST_SHARE = 0.4
 """of the run's time that a sibling may take unasked [1]"""
@@ -112,7 +112,7 @@ def cell_edges(body: BodySpec, frame: Frame) -> Floats:
     # nodes are half an edge apart, in the mean
     at = np.sort(_along_axes(body, frame), axis=0)
     extent = at[-1] - at[0]
-    planes = 1 + (np.diff(at, axis=0) > _APART * extent).sum(axis=0)
+    planes = 1 + (np.diff(at, axis=0) > _ROUNDING * extent).sum(axis=0)
     return np.asarray(2.0 * extent / (planes - 1))
 
 
@@ -135,6 +135,6 @@ def _along_axes(body: BodySpec, frame: Frame) -> Floats:
         length = np.linalg.norm(away, axis=1)
         shortest = int(np.argmin(length))
         found.append(away[shortest] / length[shortest])
-        away = away[np.abs(away @ found[-1]) < _ORTHOGONAL * length]
+        away = away[np.abs(away @ found[-1]) < _ROUNDING * length]
     axes = np.array(found).T
     return np.asarray(frame.x @ axes[:, nearest_axes(axes)])

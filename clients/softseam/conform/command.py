@@ -46,16 +46,11 @@ def conform(
         with Bus(endpoint) as bus:
             chosen = _chosen(bus, keys, service)
             wait_answers(bus, keys, chosen)
-            bar = Bar(out, f"conform {chosen}", len(names or CHECKS), "") if out.is_terminal else None
+            bar = Bar(out, f"conform {chosen}", len(names or CHECKS))
             try:
-                rows = run_checks(
-                    Service(bus, keys.participant(chosen), model or chosen),
-                    names,
-                    (lambda done, name: bar.show(done, name)) if bar else (lambda done, name: None),
-                )
+                rows = run_checks(Service(bus, keys.participant(chosen), model or chosen), names, bar.show)
             finally:
-                if bar:
-                    bar.stop()
+                bar.stop()
     except BusError as error:
         raise NoConnection(str(error)) from None
     out.print(_table(chosen, rows))

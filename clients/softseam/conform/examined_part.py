@@ -6,6 +6,7 @@ import itertools
 import secrets
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -35,18 +36,19 @@ from softseam_protocol.messages.participant import (
     ToolMotion,
 )
 from softseam_protocol.models import NEAR_DEFAULT, taking
-from softseam_protocol.scene.file import bundle_scene
-from softseam_protocol.scene.models import FemSpec, ModelsSpec
-from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.file import bundle_scene, parse_scene
+from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.wire.codec import decode, encode
 
 Floats = NDArray[np.float64]
 Kind = TypeVar("Kind")
 Vector = tuple[float, float, float]
 
-EDGE, STEP = 0.02, 0.002
+BLOCK = parse_scene((Path(__file__).parent / "block.yaml").read_text(encoding="utf-8"))
+_BODY = next(body for each in BLOCK.bodies.values() if (body := each.in_cells))
+EDGE, STEP = _BODY.wanted_edges[0], BLOCK.step
 """of a cell [m]; length of a step [s]"""
-YOUNG, POISSON, DENSITY = 2e4, 0.3, 1000.0
+YOUNG, POISSON, DENSITY = _BODY.material.young, _BODY.material.poisson, _BODY.material.density
 """of the block [Pa], [1], [kg/m^3]"""
 _EPOCH = 1
 """that all seats are configured in: there is an older one"""
@@ -172,22 +174,8 @@ class ExaminedPart:
             state = replace(
                 body, contact_force=np.zeros((n_points, 3)), contact_tool=np.full(n_points, -1, dtype=np.int32)
             )
-        scene = Scene.model_validate(
-            {
-                "softseam": 1,
-                "name": "conform",
-                "gravity": gravity,
-                "step": STEP,
-                "duration": 1.0,
-                "body": {
-                    "shape": {"kind": "block", "size": (2 * EDGE, EDGE, EDGE)},
-                    "cell": EDGE,
-                    "material": {"young": YOUNG, "poisson": POISSON, "density": DENSITY},
-                },
-                "regions": {"default": service.model if service.model in taking("cells") else NEAR_DEFAULT},
-                "models": ModelsSpec(fem=FemSpec(tolerance=1e-8)),
-            }
-        )
+        model = service.model if service.model in taking("cells") else NEAR_DEFAULT
+        scene = BLOCK.model_copy(update={"gravity": gravity, "regions": RegionsSpec(default=model)})
         cells = np.arange(2, dtype=np.int32)
         self.configure = Configure(
             self.header(0), bundle_scene(scene), service.model, cells, coupling, state, True, ONLY_BODY, mesh()

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from softseam.errors import BadInput, NotReset, missing_extra
 from softseam.given import whole
+from softseam.gym.picture import FILL
 from softseam.gym.scene_env import SceneEnv
 from softseam.observation import Observation
 from softseam.view import raster
@@ -24,8 +25,8 @@ Seen = dict[str, NDArray[Any]]
 
 _FROM = np.array([[0.50, -0.87, 0.60], [0.87, -0.50, 0.60], [0.15, -0.26, 1.00]])
 """directions from the body to a camera that is not placed: right, front, above"""
-_AWAY, _FILL = 6.0, 0.5
-"""of it: distance in longest edges of the body, and the part of the picture that the body takes at the start"""
+_AWAY = 6.0
+"""its distance in longest edges of the body"""
 
 
 class Camera(gymnasium.ObservationWrapper[Seen, Any, Any]):
@@ -117,7 +118,7 @@ class Camera(gymnasium.ObservationWrapper[Seen, Any, Any]):
         low, high = points.min(axis=0), points.max(axis=0)
         middle, away = 0.5 * (low + high), _AWAY * float((high - low).max())
         cameras = [raster.Camera(middle + away * each, middle, self._fov) for each in _FROM]
-        return [each.fitted(points, self._width, self._height, _FILL) for each in cameras]
+        return [each.fitted(points, self._width, self._height, FILL) for each in cameras]
 
     def _shown(self, observation: Observation, camera: raster.Camera) -> int:
         """Pixels of bodies."""

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,8 +16,9 @@ from softseam.gym.randomise import Randomise
 from softseam.gym.reward import Grip, Term, fitting
 from softseam.gym.scene_env import Numbers
 from softseam.gym.sight import SEEN, Sight
-from softseam.gym.task_env import ACT, Frame, TaskEnv
+from softseam.gym.task_env import ACT, Given, TaskEnv
 from softseam.observation import Observation
+from softseam.variants import Model
 from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -63,13 +64,17 @@ class PadLift(TaskEnv[Grip]):
     def __init__(
         self,
         scene: str | Path | Scene,
-        frame: Frame,
         *,
+        step: float,
+        model: Model,
+        settings: Sequence[str],
         reward: Sequence[Term[Grip]],
         randomise: Randomise | None,
+        **given: Unpack[Given],
     ) -> None:
         """reward: terms; randomise: how pieces differ; None: not at all"""
-        super().__init__(scene, frame, seen=SEEN, actions=2, felt=PADS, reward=fitting(reward, Grip))
+        simulated: dict[str, Any] = {"step": step, "model": model, "settings": settings}
+        super().__init__(scene, seen=SEEN, actions=2, felt=PADS, reward=fitting(reward, Grip), **simulated, **given)
         self._randomise = Randomise.nothing(self.scene) if randomise is None else randomise
 
     def vary(self, random: np.random.Generator) -> Sequence[str]:

@@ -23,7 +23,7 @@ FPS = 25
 """pictures of an environment in a second of its time: one an action of 0.04 s"""
 _FROM = np.array([0.50, -0.87, 0.36])
 """direction from the body to the camera: right, front, above"""
-_FILL = 0.5
+FILL = 0.5
 """part of the picture that body and tools take as it is first drawn: room to move"""
 _BODY, _GROUND = np.array([0.93, 0.76, 0.55]), np.array([0.905, 0.90, 0.885])
 _GLASS, _LINE, _MARK = np.array([0.62, 0.66, 0.72]), np.array([0.30, 0.32, 0.38]), np.array([0.10, 0.45, 0.30])
@@ -118,7 +118,7 @@ class Picture:
                 seen.append(corners)
         everything = np.concatenate(seen)
         middle = 0.5 * (everything.min(axis=0) + everything.max(axis=0))
-        return Camera(middle + 10.0 * self._extent * _FROM, middle).fitted(everything, WIDTH, HEIGHT, _FILL)
+        return Camera(middle + 10.0 * self._extent * _FROM, middle).fitted(everything, WIDTH, HEIGHT, FILL)
 
     def _planes(self, camera: Camera, posed: Sequence[tuple[ToolShape, Pose]]) -> Canvas:
         """What does not move."""

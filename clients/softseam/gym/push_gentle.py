@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +13,7 @@ from softseam.gym.randomise import Randomise
 from softseam.gym.reward import GENTLE_PUSH, Push, Ramp, Term, fitting
 from softseam.gym.scene_env import Numbers
 from softseam.gym.sight import BOUND, logarithm
-from softseam.gym.task_env import ACT, Frame, TaskEnv
+from softseam.gym.task_env import ACT, Given, TaskEnv
 from softseam.observation import Observation
 from softseam_protocol.models import REFERENCE
 
@@ -87,31 +86,23 @@ class PushGentle(TaskEnv[Push]):
         randomise: Randomise | None = STRAIGHT,
         stress_limit: float | Ramp = STRESS_LIMIT,
         step: float = 0.01,
-        environments: int = 1,
         settings: Sequence[str] = (),
-        connect: str | None = None,
-        record: str | Path | None = None,
-        render_mode: str | None = None,
+        **given: Unpack[Given],
     ) -> None:
-        """Other arguments as for `SceneEnv`."""
+        """Other arguments as of `Given`, and for `SceneEnv`."""
         limit = Ramp.of(stress_limit)
         if not min(limit.start, limit.end) > 0.0:
             raise BadInput(f"stress_limit={stress_limit!r}: give more than 0 Pa")
         super().__init__(
             "tofu_push",
-            Frame(
-                step=step,
-                environments=environments,
-                model=REFERENCE,
-                settings=(*_settings(step), *settings),
-                connect=connect,
-                record=record,
-                render_mode=render_mode,
-            ),
+            step=step,
+            model=REFERENCE,
+            settings=(*_settings(step), *settings),
             seen=SEEN,
             actions=2,
             felt=(FINGER,),
             reward=fitting(reward, Push),
+            **given,
         )
         self._randomise = Randomise.nothing(self.scene) if randomise is None else randomise
         self._stress_limit = limit

@@ -131,8 +131,7 @@ class Randomise:
         """One piece of a scene of a block or a mesh, between pads."""
         others = [name for name in scene.tools if name not in pads]
         part = random.uniform(-1.0, 1.0, 10 + len(others))  # of each spread
-        body = scene.body.in_cells
-        assert body is not None
+        body = _in_cells(scene)
         low, high = self.poisson
         friction = {}
         for name, each in [*((pad, part[6]) for pad in pads), *zip(others, part[10:], strict=True)]:
@@ -164,8 +163,7 @@ class Randomise:
 
     def settings(self, scene: Scene, pads: Sequence[str], random: np.random.Generator) -> tuple[str, ...]:
         """Of one piece, as `softseam run --set` takes them."""
-        drawn, body = self.draw(scene, pads, random), scene.body.in_cells
-        assert body is not None
+        drawn, body = self.draw(scene, pads, random), _in_cells(scene)
         found = [
             f"body.material.young={drawn.young:.6g}",
             f"body.material.density={drawn.density:.6g}",
@@ -193,6 +191,13 @@ class Randomise:
             at = drawn.place(scene.tools[pad].position)  # type: ignore[union-attr]
             found += [f"tools.{pad}.position={_list(at)}", f"tools.{pad}.rotation={_list((0.0, 0.0, drawn.turn))}"]
         return tuple(found)
+
+
+def _in_cells(scene: Scene) -> BodySpec:
+    """The only body of a scene, which has cells."""
+    body = scene.body.in_cells
+    assert body is not None
+    return body
 
 
 def _list(numbers: Sequence[float]) -> str:

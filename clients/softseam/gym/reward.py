@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
@@ -91,34 +91,6 @@ class Ramp:
         return self.start + part * (self.end - self.start)
 
 
-class HasAir(Protocol):
-    """What a tool comes closer to."""
-
-    @property
-    def air(self) -> Any: ...
-
-
-class HasForce(Protocol):
-    """What a tool presses."""
-
-    @property
-    def force(self) -> Any: ...
-
-
-class HasStress(Protocol):
-    """What is stressed."""
-
-    @property
-    def stress(self) -> Any: ...
-
-
-class HasEnergy(Protocol):
-    """What stores energy."""
-
-    @property
-    def energy(self) -> Any: ...
-
-
 Standing = TypeVar("Standing", contravariant=True)
 
 
@@ -138,6 +110,17 @@ class Term(ABC, Generic[Standing]):
         return weight * (self.potential(after) - self.potential(before)) if weight else 0.0
 
 
+class Share(Term[Any]):
+    """A number of how a body stands, in parts of `part`: where that is negative, less is better."""
+
+    number: ClassVar[str]
+    """an attribute of `Grip`, `Push` or `Fold`"""
+    part: ClassVar[float]
+
+    def potential(self, standing: Any) -> Any:
+        return getattr(standing, self.number) / self.part
+
+
 @dataclass(frozen=True)
 class Lift(Term[Grip]):
     """Part of a height that the body was lifted by."""
@@ -151,113 +134,93 @@ class Lift(Term[Grip]):
 
 
 @dataclass(frozen=True)
-class Way(Term[HasAir]):
+class Way(Share):
     """That tools come closer to the body, in parts of 20 mm: a hint where to go."""
 
     weight: float | Ramp = 0.3
-
-    def potential(self, standing: HasAir) -> Any:
-        return -standing.air / 0.02
+    number, part = "air", -0.02
 
 
 @dataclass(frozen=True)
-class Touch(Term[HasForce]):
+class Touch(Term[Any]):
     """That all tools press, however little: F/(F + 0.3 N) of the weaker one."""
 
     weight: float | Ramp = 0.3
 
-    def potential(self, standing: HasForce) -> Any:
+    def potential(self, standing: Any) -> Any:
         return standing.force / (standing.force + 0.3)
 
 
 @dataclass(frozen=True)
-class StressConcentration(Term[HasStress]):
+class StressConcentration(Share):
     """That the largest stress grows no further, in parts of 3 kPa. Its growths add up to the peak of an episode."""
 
     weight: float | Ramp = Ramp(30e3, 150e3, 1.0)
-
-    def potential(self, standing: HasStress) -> Any:
-        return -standing.stress / 3e3
+    number, part = "stress", -3e3
 
 
 @dataclass(frozen=True)
-class Deformation(Term[Grip]):
+class Deformation(Share):
     """That the body is squeezed no further, in parts of 10 %."""
 
     weight: float | Ramp = 0.1
-
-    def potential(self, standing: Grip) -> Any:
-        return -standing.compression / 0.1
+    number, part = "compression", -0.1
 
 
 @dataclass(frozen=True)
-class GraspStability(Term[Grip]):
+class GraspStability(Share):
     """That nothing slips, in parts of 5 mm."""
 
     weight: float | Ramp = 0.1
-
-    def potential(self, standing: Grip) -> Any:
-        return -standing.slip / 5e-3
+    number, part = "slip", -5e-3
 
 
 @dataclass(frozen=True)
-class Energy(Term[HasEnergy]):
+class Energy(Share):
     """That little energy is stored in the body, in mJ."""
 
     weight: float | Ramp = 0.01
-
-    def potential(self, standing: HasEnergy) -> Any:
-        return -standing.energy / 1e-3
+    number, part = "energy", -1e-3
 
 
 @dataclass(frozen=True)
-class Nearness(Term[Push]):
+class Nearness(Share):
     """That the body comes closer to its target, in parts of 50 mm."""
 
     weight: float | Ramp = 2.0
-
-    def potential(self, standing: Push) -> Any:
-        return -standing.distance / 0.05
+    number, part = "distance", -0.05
 
 
 @dataclass(frozen=True)
-class Heading(Term[Push]):
+class Heading(Share):
     """That the target lies straight ahead, in parts of 10 mm: far away, what is aside hardly changes its distance."""
 
     weight: float | Ramp = 0.5
-
-    def potential(self, standing: Push) -> Any:
-        return -standing.aside / 0.01
+    number, part = "aside", -0.01
 
 
 @dataclass(frozen=True)
-class Corners(Term[Fold]):
+class Corners(Share):
     """That the corners that are held come closer to where they belong, in parts of the cloth's edge."""
 
     weight: float | Ramp = 2.0
-
-    def potential(self, standing: Fold) -> Any:
-        return -standing.corners
+    number, part = "corners", -1.0
 
 
 @dataclass(frozen=True)
-class FoldedArea(Term[Fold]):
+class FoldedArea(Share):
     """That the free half lies on the other one, in parts of it."""
 
     weight: float | Ramp = 1.0
-
-    def potential(self, standing: Fold) -> Any:
-        return standing.area
+    number, part = "area", 1.0
 
 
 @dataclass(frozen=True)
-class Stretch(Term[Fold]):
+class Stretch(Share):
     """That nothing is stretched further, in parts of 10 %."""
 
     weight: float | Ramp = 0.05
-
-    def potential(self, standing: Fold) -> Any:
-        return -standing.stretch / 0.1
+    number, part = "stretch", -0.1
 
 
 GENTLE: tuple[Term[Grip], ...] = (Lift(), Way(), Touch(), StressConcentration())

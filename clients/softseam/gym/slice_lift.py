@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from softseam.gym.lift_scene import BELOW, PADS, STEPS, THICKNESS, times_of
 from softseam.gym.pad_lift import Floats, PadLift
 from softseam.gym.randomise import Randomise
 from softseam.gym.reward import GENTLE, Grip, Term
-from softseam.gym.task_env import ACT, Frame
+from softseam.gym.task_env import ACT, Given
 from softseam.opening import open as open_session
 from softseam.scenes import load_scene, scene_path
 from softseam_protocol.models import REFERENCE
@@ -48,18 +49,15 @@ class SliceLift(PadLift):
         reward: Sequence[Term[Grip]] = GENTLE,
         randomise: Randomise | None = Randomise(),  # noqa: B008 - it is frozen
         step: float = ACT,
-        environments: int = 1,
         settings: Sequence[str] = (),
-        connect: str | None = None,
-        record: str | Path | None = None,
-        render_mode: str | None = None,
+        **given: Unpack[Given],
     ) -> None:
-        """Other arguments as for `SceneEnv`."""
+        """Other arguments as of `Given`, and for `SceneEnv`."""
         scene = scene_path(shape) if Path(shape).suffix in _SCENES else _scene_of(Path(shape))
         if not isinstance(load_scene(scene).one, BodySpec):
             raise BadInput(f"shape={str(shape)!r} has no body in cells, or several: give a scene with one, or a mesh")
         alone = [*_of_any_lift(step), _pads(np.zeros(3), 0, _AWAY), *settings]
-        with open_session(scene, connect, model=REFERENCE, settings=alone) as measured:
+        with open_session(scene, given.get("connect"), model=REFERENCE, settings=alone) as measured:
             surface = measured.reset(seed=0).surface
         extent = np.ptp(surface, axis=0)
         axis = int(np.argmin(extent[:2]))
@@ -74,17 +72,12 @@ class SliceLift(PadLift):
         more = 1.0 if randomise is None else 1.0 + randomise.size
         super().__init__(
             scene,
-            Frame(
-                step=step,
-                environments=environments,
-                model=REFERENCE,
-                settings=(*_of_any_lift(step), _pads(more * extent, axis, reach), *settings),
-                connect=connect,
-                record=record,
-                render_mode=render_mode,
-            ),
+            step=step,
+            model=REFERENCE,
+            settings=(*_of_any_lift(step), _pads(more * extent, axis, reach), *settings),
             reward=reward,
             randomise=randomise,
+            **given,
         )
         self._axis = axis
 

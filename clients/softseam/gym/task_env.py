@@ -1,18 +1,19 @@
-"""A scene with a task: terms are rewarded, and an episode ends with a word."""
+"""A scene with a task: terms are rewarded, tools feel, and an episode ends with a word."""
+
+from __future__ import annotations
 
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypedDict, TypeVar
 
 import numpy as np
 from gymnasium.spaces import Box
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from softseam.errors import BadInput
-from softseam.gym.felt import Felt, mean_of_ends, mean_of_means
 from softseam.gym.reward import Term
 from softseam.gym.scene_env import Numbers, SceneEnv
 from softseam.gym.sight import BOUND
@@ -22,6 +23,40 @@ from softseam.variants import Model
 from softseam_protocol.models import some_read
 from softseam_protocol.scene.scene import Scene
 
+Floats = NDArray[np.float64]
+
+
+class Felt(NamedTuple):
+    """What k tools feel."""
+
+    wrench: Floats
+    """force on each (k, 3) [N]"""
+    touching: Floats
+    """surface points that touch each (k,)"""
+
+    @classmethod
+    def of(cls, observation: Observation, tools: Sequence[str]) -> Felt:
+        """At the end of a step."""
+        wrench = np.array([observation.wrench[tool][:3] for tool in tools])
+        numbers = [observation.tool_names.index(tool) for tool in tools]
+        return cls(wrench, np.array([float((observation.contact_tool == number).sum()) for number in numbers]))
+
+    @classmethod
+    def nothing(cls, tools: Sequence[str]) -> Felt:
+        """Before the first step."""
+        return cls(np.zeros((len(tools), 3)), np.zeros(len(tools)))
+
+
+def mean_of_ends(felt: Sequence[Felt]) -> Felt:
+    """Over time, of what was felt at the start and at the ends of steps, by the trapezoidal rule."""
+    return Felt(*(np.trapezoid(np.array(each), axis=0) / (len(felt) - 1) for each in zip(*felt, strict=True)))
+
+
+def mean_of_means(felt: Sequence[Felt]) -> Felt:
+    """Over time, of what was felt in each step on the mean."""
+    return Felt(*(np.mean(np.array(each), axis=0) for each in zip(*felt, strict=True)))
+
+
 ACT = 0.04
 """time between two actions [s]"""
 COST = 2e-3
@@ -30,16 +65,11 @@ COST = 2e-3
 Standing = TypeVar("Standing")
 
 
-@dataclass(frozen=True)
-class Frame:
-    """How a task is simulated: what the constructor of each hands on; for what is not said here see `SceneEnv`."""
+class Given(TypedDict, total=False):
+    """What the constructor of each task hands on; for what is not said here see `SceneEnv`."""
 
-    step: float
-    """of the simulation: a whole part of 0.04 s [s]"""
     environments: int
     """that learn together: weights that grow with training count the steps of all of them"""
-    model: Model
-    settings: Sequence[str]
     connect: str | None
     record: str | Path | None
     render_mode: str | None
@@ -61,34 +91,42 @@ class TaskEnv(SceneEnv, Generic[Standing]):
     def __init__(
         self,
         scene: str | Path | Scene,
-        frame: Frame,
         *,
+        step: float,
+        model: Model,
+        settings: Sequence[str],
         seen: Sequence[str],
         actions: int,
         felt: Sequence[str],
         reward: Sequence[Term[Standing]],
+        environments: int = 1,
+        connect: str | None = None,
+        record: str | Path | None = None,
+        render_mode: str | None = None,
     ) -> None:
         """
+        step     of the simulation: a whole part of 0.04 s [s]
         seen     names of the numbers that `look` returns
         actions  numbers of an action
         felt     tools whose forces are felt: means over an action, whatever the step
         reward   terms
 
+        Other arguments as of `Given`.
         Raises BadInput.
         """
-        if frame.environments < 1:
-            raise BadInput(f"environments={frame.environments!r}: give 1 or more")
+        if environments < 1:
+            raise BadInput(f"environments={environments!r}: give 1 or more")
         super().__init__(
             scene,
-            settings=frame.settings,
-            model=frame.model,
-            connect=frame.connect,
-            repeat=parts_of_an_action(frame.step),
-            record=frame.record,
-            render_mode=frame.render_mode,
+            settings=settings,
+            model=model,
+            connect=connect,
+            repeat=parts_of_an_action(step),
+            record=record,
+            render_mode=render_mode,
         )
-        self._terms, self._environments = tuple(reward), frame.environments
-        self._felt_tools, self._means = tuple(felt), some_read([frame.model], "pbd.substeps")
+        self._terms, self._environments = tuple(reward), environments
+        self._felt_tools, self._means = tuple(felt), some_read([model], "pbd.substeps")
         self.steps = 0
         """of training, in this environment; set it to go on where another one stopped"""
         self.action_space = Box(-1.0, 1.0, (actions,), np.float32)

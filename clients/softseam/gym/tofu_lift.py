@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
+from typing import Unpack
 
 from softseam.errors import BadInput
 from softseam.gym.lift_scene import BY_FEM, BY_XPBD, SUBSTEPS, LiftModel, settings_of
 from softseam.gym.pad_lift import Floats, PadLift
 from softseam.gym.randomise import Randomise
 from softseam.gym.reward import GENTLE, Grip, Term
-from softseam.gym.task_env import ACT, Frame, parts_of_an_action
+from softseam.gym.task_env import ACT, Given, parts_of_an_action
 from softseam_protocol.models import FAR_DEFAULT, REFERENCE
 
 
@@ -38,29 +38,21 @@ class TofuLift(PadLift):
         randomise: Randomise | None = Randomise(),  # noqa: B008 - it is frozen
         model: LiftModel = BY_FEM,
         step: float = ACT,
-        environments: int = 1,
         settings: Sequence[str] = (),
-        connect: str | None = None,
-        record: str | Path | None = None,
-        render_mode: str | None = None,
+        **given: Unpack[Given],
     ) -> None:
-        """Other arguments as for `SceneEnv`."""
+        """Other arguments as of `Given`, and for `SceneEnv`."""
         if model not in (BY_FEM, BY_XPBD) or (model == BY_XPBD and parts_of_an_action(step) > 1):
             raise BadInput(f"model={model!r}, step={step!r}: there are fem, and xpbd with steps of {ACT} s")
         self._lift_model = model
         super().__init__(
             "tofu_grasp",
-            Frame(
-                step=step,
-                environments=environments,
-                model=FAR_DEFAULT if model == BY_XPBD else REFERENCE,
-                settings=(*settings_of(model, step), *settings),
-                connect=connect,
-                record=record,
-                render_mode=render_mode,
-            ),
+            step=step,
+            model=FAR_DEFAULT if model == BY_XPBD else REFERENCE,
+            settings=(*settings_of(model, step), *settings),
             reward=reward,
             randomise=randomise,
+            **given,
         )
         if model == BY_XPBD:
             self._randomise.check_substep(self.scene, ACT / SUBSTEPS)

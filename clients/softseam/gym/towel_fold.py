@@ -1,8 +1,7 @@
 """Two grippers fold a cloth edge to edge."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +11,7 @@ from softseam.given import whole
 from softseam.gym.reward import FOLD, Fold, Term, fitting
 from softseam.gym.scene_env import Numbers
 from softseam.gym.sight import BOUND, logarithm
-from softseam.gym.task_env import ACT, Frame, TaskEnv
+from softseam.gym.task_env import ACT, Given, TaskEnv
 from softseam.observation import Observation
 from softseam.scenes import load_scene
 from softseam_protocol.models import PARTICLES_DEFAULT
@@ -76,13 +75,10 @@ class TowelFold(TaskEnv[Fold]):
         divisions: int = 24,
         spread: float = 0.3,
         step: float = 0.01,
-        environments: int = 1,
         settings: Sequence[str] = (),
-        connect: str | None = None,
-        record: str | Path | None = None,
-        render_mode: str | None = None,
+        **given: Unpack[Given],
     ) -> None:
-        """Other arguments as for `SceneEnv`."""
+        """Other arguments as of `Given`, and for `SceneEnv`."""
         number = whole(divisions)
         if number is None or number < 8:
             raise BadInput(f"divisions={divisions!r}: give a whole number of spacings along an edge, 8 or more")
@@ -90,19 +86,14 @@ class TowelFold(TaskEnv[Fold]):
             raise BadInput(f"spread={spread!r}: give a part of what the scene says, from 0 to below 1")
         super().__init__(
             "cloth_fold",
-            Frame(
-                step=step,
-                environments=environments,
-                model=PARTICLES_DEFAULT,
-                settings=(*_settings(number, step), *settings),
-                connect=connect,
-                record=record,
-                render_mode=render_mode,
-            ),
+            step=step,
+            model=PARTICLES_DEFAULT,
+            settings=(*_settings(number, step), *settings),
             seen=SEEN,
             actions=6,
             felt=GRIPPERS,
             reward=fitting(reward, Fold),
+            **given,
         )
         cloth = self.scene.body
         assert isinstance(cloth, SheetBody)

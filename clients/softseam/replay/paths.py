@@ -1,7 +1,5 @@
 """Entity paths of a replay, in one place."""
 
-from dataclasses import dataclass
-
 WORLD = "/world"
 TOOLS = "/world/tools"
 SCALE = "/legend/scale"
@@ -10,60 +8,15 @@ LOG = "/log"
 CURVES = "/curves"
 
 
-@dataclass(frozen=True)
 class BodyPaths:
-    """Those of one body."""
+    """Those of one body; `forces` has all of its forces below it."""
 
-    body: str
-
-    def _of(self, what: str) -> str:
-        return f"{WORLD}/bodies/{self.body}/{what}"
-
-    @property
-    def near(self) -> str:
-        return self._of("near")
-
-    @property
-    def far(self) -> str:
-        return self._of("far")
-
-    @property
-    def cells(self) -> str:
-        return self._of("cells")
-
-    @property
-    def stress(self) -> str:
-        return self._of("stress")
-
-    @property
-    def energy(self) -> str:
-        return self._of("energy")
-
-    @property
-    def error(self) -> str:
-        return self._of("error")
-
-    @property
-    def inclusions(self) -> str:
-        return self._of("inclusions")
-
-    @property
-    def ghost(self) -> str:
-        return self._of("ghost")
-
-    @property
-    def forces(self) -> str:
-        """All of its forces."""
-        return self._of("forces")
-
-    @property
-    def contact(self) -> str:
-        return self._of("forces/contact")
-
-    @property
-    def multiplier(self) -> str:
-        return self._of("forces/seam")
-
-    @property
-    def seam_nodes(self) -> str:
-        return self._of("forces/seam_nodes")
+    def __init__(self, body: str) -> None:
+        at = f"{WORLD}/bodies/{body}"
+        self.near, self.far, self.cells, self.inclusions = (
+            f"{at}/{it}" for it in ("near", "far", "cells", "inclusions")
+        )
+        self.stress, self.energy, self.error = f"{at}/stress", f"{at}/energy", f"{at}/error"
+        self.ghost, self.forces = f"{at}/ghost", f"{at}/forces"
+        self.contact, self.multiplier = f"{self.forces}/contact", f"{self.forces}/seam"
+        self.seam_nodes = f"{self.forces}/seam_nodes"

@@ -1,6 +1,5 @@
 """Shows a recording: into a file, a window or a browser."""
 
-import os
 import socket
 import tempfile
 from pathlib import Path
@@ -8,6 +7,7 @@ from urllib.parse import quote
 
 import rerun as rr
 
+from softseam.outputs import whole
 from softseam.recording import Recording
 from softseam.replay.convert import convert
 from softseam.replay.viewer import running
@@ -59,19 +59,16 @@ def save_rrd(recording: Recording, path: Path | str) -> Path:
         raise ReplayError(f"{path}: a replay's name ends in .rrd")
     if not path.parent.is_dir():
         raise ReplayError(f"cannot write {path}: there is no folder {path.parent}")
-    fresh = path.with_name(f".{path.stem}.{os.getpid()}.rrd")
     name = f"{recording.scene.name}-{recording.metadata.get('started', '')}"
     try:
-        with rr.RecordingStream("softseam", recording_id=name) as stream:
-            stream.save(fresh)
-            stream.send_recording_name(recording.scene.name)
-            stream.send_blueprint(convert(recording, stream))
-        stream.disconnect()
-        fresh.replace(path)
+        with whole(path) as fresh:
+            with rr.RecordingStream("softseam", recording_id=name) as stream:
+                stream.save(fresh)
+                stream.send_recording_name(recording.scene.name)
+                stream.send_blueprint(convert(recording, stream))
+            stream.disconnect()
     except (OSError, RuntimeError) as error:
         raise ReplayError(f"cannot write {path}: {error}") from error
-    finally:
-        fresh.unlink(missing_ok=True)
     return path
 
 

@@ -1,29 +1,16 @@
 """Simulates a recording again and compares bit for bit."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from softseam.recording import Recording
-from softseam_protocol.messages.participant import Bundle
+from softseam.resimulating import resimulate
 from softseam_protocol.messages.session import Frame, StepReport
-
-
-class Resimulation(Protocol):
-    """What verifying needs of a simulation."""
-
-    def step(self, velocities: Mapping[str, Sequence[float]], fields: bool) -> StepReport: ...
-
-    def frame(self, body: str) -> Frame: ...
-
 
 _EXACT = ("tool_position", "tool_orientation", "wrench", "momentum", "angular_momentum")
 _FIELDS = ("x", "multiplier", "coupling_nodes", "contact_force", "cauchy", "cell_energy")
-Opener = Callable[[Bundle, int], AbstractContextManager[Resimulation]]
-"""opens a simulation of a scene at its start, with a seed"""
 
 
 @dataclass(frozen=True)
@@ -40,11 +27,11 @@ class Verification:
         return self.differs_at is None
 
 
-def verify(recording: Recording, opener: Opener) -> Verification:
+def verify(recording: Recording) -> Verification:
     """Repeat the recorded commands from the attached scene and compare positions, multipliers, wrenches bit for bit."""
     names = tuple(recording.scene.tools)
     steps = frames = 0
-    with opener(recording.bundle, recording.seed) as simulation:
+    with resimulate(recording.bundle, recording.seed) as simulation:
         for report, seen in _pairs(recording):
             if report.header.step != steps:
                 return _unable(recording, steps, frames, report.header.step)
@@ -55,7 +42,7 @@ def verify(recording: Recording, opener: Opener) -> Verification:
             again = simulation.step(command, fields=bool(seen))
             difference = _differing(report, again, _EXACT)
             for frame in seen:
-                difference = difference or _differing(frame, simulation.frame(frame.body), _FIELDS)
+                difference = difference or _differing(frame, simulation.frames[frame.body], _FIELDS)
                 frames += 1
             if difference is not None:
                 text = f"step {steps} is the first that differs: {difference}"

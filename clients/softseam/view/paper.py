@@ -1,10 +1,11 @@
 """The look that all pictures share."""
 
-import os
 from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from softseam.outputs import whole
 
 PAPER = "#ffffff"
 INK = "#23262d"
@@ -35,10 +36,6 @@ def plain(axes: Axes, title: str, x: str | None = None) -> None:
 
 def write(figure: Figure, path: Path) -> Path:
     """Write a PNG, all or nothing."""
-    fresh = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
+    with whole(path) as fresh:
         figure.savefig(fresh, format="png", facecolor=figure.get_facecolor())
-        fresh.replace(path)
-    finally:
-        fresh.unlink(missing_ok=True)
     return path

@@ -6,7 +6,7 @@ Notation: P surface points, V display vertices (points, split where the surface 
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.stress import von_mises
+from softseam.observation import von_mises
 from softseam_protocol.messages.recording import SurfaceMesh
 from softseam_protocol.messages.session import Frame
 

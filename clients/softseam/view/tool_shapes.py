@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages.recording import ToolSurface
 from softseam_protocol.scene.scene import Scene
-from softseam_protocol.scene.tools import BoxTool, CapsuleTool, CylinderTool, PlaneTool, SphereTool
 from softseam_protocol.table import Table
 
 Floats = NDArray[np.float64]
@@ -178,36 +177,15 @@ def _facets(surface: ToolSurface) -> tuple[Mesh, Floats]:
     return mesh, surface.vertices[sides[pairs[creased, 0]]]
 
 
-def _draw_plane(tool: PlaneTool, plane_size: float) -> tuple[Mesh, Floats]:
-    return _square(np.array(tool.normal), plane_size)
-
-
-def _draw_box(tool: BoxTool, plane_size: float) -> tuple[Mesh, Floats]:
-    half = 0.5 * np.array(tool.size)
-    return _box(half), _box_edges(half)
-
-
-def _draw_sphere(tool: SphereTool, plane_size: float) -> tuple[Mesh, Floats]:
-    return _sphere(tool.radius), _circles(tool.radius)
-
-
-def _draw_capsule(tool: CapsuleTool, plane_size: float) -> tuple[Mesh, Floats]:
-    return _capsule(tool.radius, 0.5 * tool.length)
-
-
-def _draw_cylinder(tool: CylinderTool, plane_size: float) -> tuple[Mesh, Floats]:
-    return _cylinder(tool.radius, 0.5 * tool.length)
-
-
 DRAWINGS: Table[Callable[[Any, float], tuple[Mesh, Floats]]] = Table(
     "drawings of tools",
     {
-        "plane": _draw_plane,
-        "box": _draw_box,
-        "sphere": _draw_sphere,
-        "capsule": _draw_capsule,
-        "cylinder": _draw_cylinder,
-        "mesh": lambda tool, plane_size: _NOTHING,
+        "plane": lambda tool, plane_size: _square(np.array(tool.normal), plane_size),
+        "box": lambda tool, _: (_box(half := 0.5 * np.array(tool.size)), _box_edges(half)),
+        "sphere": lambda tool, _: (_sphere(tool.radius), _circles(tool.radius)),
+        "capsule": lambda tool, _: _capsule(tool.radius, 0.5 * tool.length),
+        "cylinder": lambda tool, _: _cylinder(tool.radius, 0.5 * tool.length),
+        "mesh": lambda tool, _: _NOTHING,
     },
 )
 """(tool, edge of a plane's square [m]) -> mesh and lines, of kinds whose surface no recording has; a mesh, whose every

@@ -1,31 +1,24 @@
 """The maps by name, and their runs: kept as soon as they are done, so that a broken-off atlas goes on."""
 
+import csv
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from softseam.embedded import solver_digest
 from softseam.errors import BadInput
-from softseam_studies.atlas.maps import impact, iterations, messages, poisson, shapes, slope, squeeze, step, tools
-from softseam_studies.atlas.maps.grid import Cell, Map
+from softseam.outputs import whole
+from softseam_studies.atlas.grid import Cell, Map, build
+from softseam_studies.atlas.runs import RUNS
 from softseam_studies.atlas.verdicts import KINDS, Kind, Verdict
 from softseam_studies.study.configurations import Configuration
-from softseam_studies.study.measure import RUNS, Told
+from softseam_studies.study.measure import Told, timed_for
 from softseam_studies.study.store import Identity, Store
 
-MAPS: dict[str, Callable[[], Map]] = {
-    "step": step.build,
-    "poisson": poisson.build,
-    "iterations": iterations.build,
-    "squeeze": squeeze.build,
-    "tools": tools.build,
-    "shapes": shapes.build,
-    "slope": slope.build,
-    "impact": impact.build,
-    "messages": messages.build,
-}
+MAPS: dict[str, Callable[[], Map]] = {name: partial(build, name, run) for name, run in RUNS.items()}
 
 
 @dataclass(frozen=True)
@@ -92,7 +85,7 @@ def fill(of: Map, store: Store, watch: Watch) -> Filled:
         verdict = _kept(key, store)
         if verdict is None:
             shown = Configuration(key, "as it is", f"{of.title}: {cell.label}", (), cell.seconds)
-            watch(shown, (1 + RUNS) * cell.seconds)
+            watch(shown, cell.seconds + timed_for(cell.seconds))
             verdict = cell.run()
             store.write(key, verdict.as_json())
         verdicts[key] = verdict
@@ -144,17 +137,28 @@ def forget(store: Store, prefix: str) -> None:
 def _own_digest() -> str:
     digest = hashlib.sha256()
     here = Path(__file__).parent
-    for name in (
-        "atlas.py",
-        "controls.py",
-        "faults.py",
-        "pitfalls.py",
-        "scenes.py",
-        "trace.py",
-        "verdicts.py",
-        "long_run.py",
-    ):
-        digest.update((here / name).read_bytes())
-    for path in sorted((here / "maps").glob("*.py")):
+    for path in (*sorted(here.glob("*.py")), *sorted((here / "maps").glob("*.yaml"))):
         digest.update(path.read_bytes())
     return digest.hexdigest()
+
+
+NOT_COMPUTED = "not computed"
+COLUMNS = ("map", "panel", "x", "y", "kind", "silent", "control", "error", "safeguards", "told", "why")
+
+
+def write_csv(maps: Sequence[Filled], path: Path) -> None:
+    """Write all maps, all or nothing; errors relative, not in per cent. One row says that a map was not computed."""
+    with whole(path) as fresh, fresh.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for filled in maps:
+            if not filled.verdicts:
+                writer.writerow((filled.map.name, "", "", "", NOT_COMPUTED, *[""] * (len(COLUMNS) - 5)))
+            for cell, judged in filled.judged:
+                verdict = judged.as_json()
+                panel = filled.map.panels[cell.panel]
+                where = (filled.map.name, panel.title, panel.columns[cell.column], panel.rows[cell.row])
+                flags = (verdict["kind"], str(verdict["silent"]).lower(), str(cell.control).lower())
+                error = "" if verdict["error"] is None else str(verdict["error"])
+                lists = ("; ".join(verdict["safeguards"]), "; ".join(verdict["told"]))
+                writer.writerow((*where, *flags, error, *lists, verdict["why"]))

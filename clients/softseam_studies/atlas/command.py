@@ -1,6 +1,5 @@
 """`softseam atlas`: run the maps, draw them, and say what was found."""
 
-import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from softseam.embedded import solver_digest
-from softseam.errors import BadInput, SoftseamError, missing_extra, require_extra
+from softseam.errors import BadInput, SoftseamError, missing_extra, not_among, require_extra
 from softseam.outputs import check_outputs
 from softseam.report import write_json
 from softseam_protocol.facts import machine
@@ -20,22 +19,12 @@ from softseam_studies.atlas import long_run, pitfalls
 from softseam_studies.atlas.atlas import MAPS, Filled, expected, fill, forget, kept, store_of
 from softseam_studies.atlas.pitfalls import Row
 from softseam_studies.atlas.verdicts import KINDS
+from softseam_studies.cli_studies import Atlas
 from softseam_studies.study.progress import ChartProgress
 from softseam_studies.study.store import Store
 
 ATLAS_VERSION = 1
 PITFALLS = "pitfalls"
-
-
-@dataclass(frozen=True)
-class Wishes:
-    """What `softseam atlas` was asked for."""
-
-    maps: tuple[str, ...] = ()
-    """by name; none: all"""
-    out: Path | None = None
-    long: bool = False
-    fresh: bool = False
 
 
 @dataclass(frozen=True)
@@ -51,7 +40,7 @@ class Found:
         return tuple(filled for filled in self.maps if filled.verdicts)
 
 
-def atlas(wishes: Wishes, console: Console) -> Found:
+def atlas(wishes: Atlas, console: Console) -> Found:
     """Fill the maps, and leave a picture of each, overview.png, atlas.csv and atlas.json; or the long run alone.
 
     The files hold all maps that are kept of the same code, also where only some are asked for. Raises BadInput for an
@@ -85,14 +74,12 @@ def _names() -> tuple[str, ...]:
     return (*MAPS, PITFALLS)
 
 
-def _check(wishes: Wishes) -> None:
+def _check(wishes: Atlas) -> None:
     """Raise BadInput where the wishes do not go together."""
     names = _names()
     for name in wishes.maps:
         if name not in names:
-            near = difflib.get_close_matches(name, names, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise BadInput(f"no map is called {name!r}{hint} (there are: {', '.join(names)})")
+            raise BadInput(f"no map is called {not_among(name, names)}")
     if wishes.long and wishes.maps:
         raise BadInput(f"--long is a run of its own, beside the maps: leave out {' '.join(wishes.maps)}, or --long")
 
@@ -114,7 +101,7 @@ def _write(folder: Path, found: Found) -> None:
         from softseam_studies.atlas.draw import draw_map, draw_overview
     except ImportError as error:
         raise missing_extra(error, "drawing an atlas") from error
-    from softseam_studies.atlas.table import write_csv
+    from softseam_studies.atlas.atlas import write_csv
 
     code = solver_digest()[:8]
     here = f"{machine()}; code {code}"

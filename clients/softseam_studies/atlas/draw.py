@@ -2,29 +2,33 @@
 
 import textwrap
 from collections.abc import Sequence
+from itertools import count
 from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch, Rectangle
 
 from softseam.view.paper import INK, PAPER, SOFT, heading, write
-from softseam_studies.atlas.atlas import Filled
-from softseam_studies.atlas.maps.grid import Cell
-from softseam_studies.atlas.palette import LETTER, SILENT, TONES
-from softseam_studies.atlas.table import NOT_COMPUTED
-from softseam_studies.atlas.verdicts import KINDS, MEANING, Verdict
+from softseam_studies.atlas.atlas import NOT_COMPUTED, Filled
+from softseam_studies.atlas.grid import Cell
+from softseam_studies.atlas.verdicts import KINDS, MEANING, Kind, Verdict
+
+TONES: dict[Kind, str] = {
+    "accurate": "#3fb383",
+    "recovered": "#a9d8b8",
+    "inaccurate": "#f2b84b",
+    "unstable": "#d0503f",
+    "refused": "#c9ccd2",
+}
+LETTER: dict[Kind, str] = {"accurate": "", "recovered": "R", "inaccurate": "", "unstable": "U", "refused": "-"}
+"""drawn in a cell that has no error to show"""
+SILENT = "#23262d"
+
 
 CELL_WIDTH, CELL_HEIGHT = 0.52, 0.36
 """of a run [inch]"""
-LEFT, RIGHT, TOP, BOTTOM = 1.0, 0.25, 0.42, 0.62
-"""around a panel [inch]"""
-LETTER_WIDTH = 0.077
-"""of a row's name [inch]"""
-HEAD = 0.70
-LINE = 0.19
-LEGEND, WORDS = 0.62, 0.30
-"""colours, and what stands in the cells [inch]"""
 MARKS = {
     "0.3": "error in per cent",
     "0": "error below 0.1 %",
@@ -41,33 +45,25 @@ MARKS = {
 def draw_map(path: Path, filled: Filled, machine: str) -> Path:
     """Write one map; returns its path."""
     of = filled.map
-    widths = [
-        max(LEFT, 0.35 + LETTER_WIDTH * max(len(row) for row in panel.rows)) + CELL_WIDTH * len(panel.columns) + RIGHT
-        for panel in of.panels
-    ]
-    per_line = _per_line(widths)
-    lines = [list(range(i, min(i + per_line, len(widths)))) for i in range(0, len(widths), per_line)]
-    tall = [max(TOP + BOTTOM + CELL_HEIGHT * len(of.panels[i].rows) for i in line) for line in lines]
-    width = max(12.6, *(sum(widths[i] for i in line) for line in lines))
-    text = "\n".join([*textwrap.wrap(of.text, int(12.6 * width)), f"{_counted(filled)}; {machine}"])
-    head = HEAD + LINE * (text.count("\n") + 1)
-    height = head + sum(tall) + LEGEND + WORDS
-    figure = Figure(figsize=(width, height), dpi=130, facecolor=PAPER)
-    heading(figure, of.title, text)
-    top = height - head
-    for line, high in zip(lines, tall, strict=True):
-        left = 0.0
-        for i in line:
-            panel = of.panels[i]
-            wide, rows = CELL_WIDTH * len(panel.columns), CELL_HEIGHT * len(panel.rows)
-            x = left + widths[i] - wide - RIGHT
-            axes = figure.add_axes((x / width, (top - TOP - rows) / height, wide / width, rows / height))
-            draw_panel(axes, filled, i, shown=True)
-            left += widths[i]
-        top -= high
-    _legend(figure, height, WORDS)
+    across = min(len(of.panels), 2 if len(of.panels) == 4 else 3)
+    lines = [of.panels[i : i + across] for i in range(0, len(of.panels), across)]
+    wide = max(sum(len(panel.columns) + 3 for panel in line) for line in lines)
+    heights = [max(len(panel.rows) for panel in line) + 4 for line in lines]
+    text = "\n".join([*textwrap.wrap(of.text, 150), f"{_counted(filled)}; {machine}"])
     marks = "; ".join(f"{mark} = {meaning}" for mark, meaning in MARKS.items() if mark)
-    figure.text(0.014, 0.12 / height, f"In the cells: {marks}.", fontsize=9, color=SOFT)
+    rows = sum(heights) + 6.0 + 0.5 * text.count("\n")
+    figure = Figure((max(12.6, CELL_WIDTH * wide), CELL_HEIGHT * rows), dpi=130, facecolor=PAPER)
+    heading(figure, of.title, text)
+    below = _legend(figure, f"In the cells: {marks}.")
+    space = (0.0, below, 1.0, sum(heights) / rows)
+    figure.set_layout_engine(ConstrainedLayoutEngine(rect=space, w_pad=0.15, h_pad=0.1))
+    parts = figure.subfigures(len(lines), 1, squeeze=False, height_ratios=heights)
+    number = count()
+    for part, line in zip(parts.ravel(), lines, strict=True):
+        part.set_facecolor(PAPER)
+        for axes in part.subplots(1, len(line), squeeze=False, width_ratios=[len(p.columns) for p in line]).ravel():
+            draw_panel(axes, filled, next(number), shown=True)
+            axes.set_aspect(CELL_HEIGHT / CELL_WIDTH)
     return write(figure, path)
 
 
@@ -75,7 +71,7 @@ def draw_overview(path: Path, maps: Sequence[Filled], machine: str) -> Path:
     """Write all maps small, without words in the cells; those that were not computed say so."""
     across = 3
     n_lines = -(-len(maps) // across)
-    width, height = 15.0, 1.35 + 3.75 * n_lines + LEGEND
+    width, height = 15.0, 2.0 + 3.75 * n_lines
     figure = Figure(figsize=(width, height), dpi=120, facecolor=PAPER)
     total = sum(len(filled.verdicts) for filled in maps)
     silent = sum(len(filled.silent) for filled in maps)
@@ -102,7 +98,7 @@ def draw_overview(path: Path, maps: Sequence[Filled], machine: str) -> Path:
             y = panel.y.partition(";")[0].partition(" [")[0] if n < 4 else filled.map.title.rpartition(" against ")[2]
             if i == 0:
                 axes.set_ylabel(y, fontsize=8.5, color=SOFT, labelpad=2)
-    _legend(figure, height)
+    _legend(figure)
     return write(figure, path)
 
 
@@ -168,21 +164,17 @@ def _counted(filled: Filled) -> str:
     return f"{len(filled.verdicts)} runs: {counted}"
 
 
-def _per_line(widths: Sequence[float], most: float = 16.0) -> int:
-    for n in range(len(widths), 1, -1):
-        if sum(sorted(widths)[-n:]) <= most:
-            return n
-    return 1
-
-
-def _legend(figure: Figure, height: float, above: float = 0.0) -> None:
-    """What the colours mean; above the figure's lower end by that much [inch]."""
+def _legend(figure: Figure, words: str = "") -> float:
+    """What the colours mean, and words below, at the lower end; how much of the figure that takes [1]."""
     entries = [Patch(facecolor=TONES[kind], label=f"{kind}: {MEANING[kind]}") for kind in KINDS]
     entries.append(Patch(fill=False, edgecolor=SILENT, linewidth=1.5, label="framed: wrong, and it did not say so"))
-    figure.legend(
+    line = 0.12 / figure.get_figheight()
+    figure.text(0.014, line, words, fontsize=9, color=SOFT)
+    below = 3.0 * line if words else 0.5 * line
+    legend = figure.legend(
         handles=entries,
         loc="lower left",
-        bbox_to_anchor=(0.006, (above + 0.05) / height),
+        bbox_to_anchor=(0.006, below),
         ncols=3,
         frameon=False,
         fontsize=9.5,
@@ -190,3 +182,5 @@ def _legend(figure: Figure, height: float, above: float = 0.0) -> None:
         handlelength=1.2,
         columnspacing=2.0,
     )
+    legend.set_in_layout(False)
+    return below + 4.0 * line

@@ -1,20 +1,44 @@
 """The atlas's scenes: a small block between smooth plates, whose force has a closed form, and its relatives."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT
+from softseam_protocol.scene import marked_yaml
 
 Model = str
 FEM, XPBD, HYBRID = NEAR_DEFAULT, FAR_DEFAULT, "hybrid"
-PAIR: tuple[Model, ...] = (FEM, XPBD)
 MODELS: dict[Model, str] = {FEM: "FEM", XPBD: "XPBD", HYBRID: "FEM and XPBD"}
 
-EDGE = 0.02
-"""of the block [m]"""
-YOUNG, POISSON, DENSITY = 2e4, 0.3, 1000.0
+
+def data_of(name: str) -> dict[str, Any]:
+    """What a file of `maps/` says."""
+    text = (Path(__file__).parent / "maps" / f"{name}.yaml").read_text(encoding="utf-8")
+    found: dict[str, Any] = marked_yaml.parse(text).data
+    return found
+
+
+def scene_of(name: str, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The scene of a file, changed by dotted keys."""
+    scene: dict[str, Any] = data_of(name)["scene"]
+    for key, value in changes.items():
+        *parents, last = key.split(".")
+        at = scene
+        for parent in parents:
+            at = at.setdefault(parent, {})
+        at[last] = value
+    return scene
+
+
+_BODY = data_of("press")["scene"]["body"]
+EDGE: float = _BODY["shape"]["size"][0]
+"""of the cube [m]"""
+POISSON: float = _BODY["material"]["poisson"]
+YOUNG: float = _BODY["material"]["young"]
+"""of the cube where nothing else is said [Pa]"""
 
 
 def press(
@@ -40,40 +64,31 @@ def press(
     hold   [s]
     cells  along an edge; with both models there are three along the squeeze, the middle one XPBD's
     """
-    at, thick = 0.5 * EDGE + 0.005, 0.01
-    plate = {"kind": "box", "size": [thick, 3 * EDGE, 3 * EDGE], "friction": friction}
     edge = EDGE / cells
+    changes: dict[str, Any] = {f"tools.{name}.friction": friction for name in ("left", "right")}
     regions: dict[str, Any] = {"default": FEM if model == FEM else XPBD}
     if model == HYBRID:
         regions["near"] = {"model": FEM, "within": 0.2 * EDGE, "split": "always"}
-    tools: dict[str, Any] = {"left": plate | {"position": [-at, 0, 0]}, "right": plate | {"position": [at, 0, 0]}}
     if walls:
         for axis, side in ((1, -1), (1, 1), (2, -1), (2, 1)):
             normal = [0.0, 0.0, 0.0]
             normal[axis] = -float(side)
             point = [-0.5 * EDGE * n for n in normal]
-            tools[f"wall{axis}{'ab'[side > 0]}"] = {"kind": "plane", "normal": normal, "point": point}
+            changes[f"tools.wall{axis}{'ab'[side > 0]}"] = {"kind": "plane", "normal": normal, "point": point}
     time = max(step, round(0.5 * squeeze * EDGE / speed / step) * step)
-    return {
-        "softseam": 1,
-        "name": "press",
-        "gravity": [0, 0, 0],
-        "step": step,
-        "body": {
-            "shape": {"kind": "block", "size": [EDGE, EDGE, EDGE]},
-            "position": [0, 0, -0.5 * EDGE],
-            "cell": [EDGE / 3, edge, edge] if model == HYBRID else [edge, edge, edge],
-            "material": {"kind": material, "young": young, "poisson": poisson, "density": DENSITY},
+    close = {"tools": ["left", "right"], "close": 0.5 * squeeze * EDGE / time, "until": {"time": time}}
+    return scene_of(
+        "press",
+        changes
+        | {f"body.material.{key}": value for key, value in (("kind", material), ("young", young), ("poisson", poisson))}
+        | {
+            "step": step,
+            "body.cell": [EDGE / 3, edge, edge] if model == HYBRID else [edge, edge, edge],
+            "motion": [close, {"hold": max(hold, 4 * step)}],
+            "regions": regions,
+            "models": {FEM: dict(fem or {}), XPBD: dict(pbd or {})},
         },
-        "tools": tools,
-        "motion": [
-            {"tools": ["left", "right"], "close": 0.5 * squeeze * EDGE / time, "until": {"time": time}},
-            {"hold": max(hold, 4 * step)},
-        ],
-        "regions": regions,
-        "models": {FEM: dict(fem or {}), XPBD: dict(pbd or {})},
-        "quantities": ["grip_force"],
-    }
+    )
 
 
 def pressed(squeeze: float, poisson: float = POISSON) -> float:

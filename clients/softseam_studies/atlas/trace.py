@@ -1,12 +1,14 @@
 """One short run through the product, and everything that it says about itself."""
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from softseam.columns import Columns
 from softseam.errors import SceneRefused, SimulationFailed
 from softseam.observation import Observation
 from softseam.session import open_as_given
@@ -20,7 +22,7 @@ Measure = Callable[[Observation], float]
 CONFIRMED = 1e-3
 """share of the largest energy above which an alarm of the ledger is more than the noise of the first steps [1]"""
 TOIL = 40
-"""parts that FEM may cut a run's steps into, one step into 32 at most"""
+"""parts that FEM may cut a run's steps into, one step into 32 at most: each tries hundreds of iterations"""
 PARTS = "seam step in parts"
 CRUSHED = "full quadrature of crushed cells"
 CUT = "FEM cut the step"
@@ -60,33 +62,60 @@ class Trace:
     """[s]"""
 
 
-def follow(
-    scene: Mapping[str, object] | Scene | Path, measure: Measure, *, fields: bool = False, toil: int = TOIL
-) -> Trace:
+def follow(scene: Mapping[str, object] | Scene | Path, measure: Measure, *, fields: bool = False) -> Trace:
     """Run a scene to its end; never raises for what becomes of the run.
 
     scene    a document, a scene, or the path of one beside the meshes that it names
     measure  what the run is judged by, of the observation after a step
     fields   also observe the fields after every step, which `measure` may need
-    toil     parts of cut steps after which the run is given up: each tries hundreds of iterations
     """
     trace = Trace()
     try:
         parsed = _parsed(scene)
     except SceneError as error:
         return Trace(refused=f"{error.key}: {error.problem}")
-    watch = _Watch(parsed, measure, toil)
+    columns, values, events = Columns(parsed.step, tuple(parsed.tools)), list[float](), list[Event]()
+
+    def see(observation: Observation) -> None:
+        columns.add(observation.report)
+        values.append(measure(observation))
+        events.extend(observation.events)
+        if sum(event.count for event in events if event.kind is EventKind.STEP) > TOIL:
+            raise _Toil(f"given up at {observation.time:.3g} s, where FEM cuts steps again and again")
+
     try:
         with open_as_given(scene if isinstance(scene, Path) else parsed) as session:
             session.reset()
             trace.doubts = tuple(session.doubts())
-            session.run(watch.see, fields=fields)
+            session.run(see, fields=fields)
     except SceneRefused as error:
         return Trace(refused=str(error))
     except (SimulationFailed, _Toil) as error:
         trace.failed = str(error)
-    watch.write(trace)
+    trace.values, trace.events = tuple(values), tuple(events)
+    if len(columns):
+        _summed(trace, columns, min(parsed.body.wanted_edges, default=math.inf))
+    guards = [guard for event in events if (guard := guard_of(event)) is not None]
+    trace.safeguards = {guard: guards.count(guard) for guard in dict.fromkeys(guards)}
+    trace.warned = tuple(dict.fromkeys(told_by(trace)))
     return trace
+
+
+def _summed(trace: Trace, columns: Columns, edge: float) -> None:
+    """What follows from all steps together, put into the trace; edge: of the shortest cells [m]."""
+    names = ("kinetic", "strain", "dissipation", "tool_work", "seam_work")
+    kinetic, strain, loss, tools, seam = (columns[f"energy.{name}"] for name in names)
+    values, time = np.array(trace.values), columns["time"]
+    trace.value, trace.times = float(np.mean(values[-max(1, len(values) // 4) :])), tuple(time.tolist())
+    broken = np.flatnonzero(~np.isfinite(values + kinetic + strain + loss))
+    trace.finite, trace.broke = not len(broken), float(time[broken[0]]) if len(broken) else 0.0
+    trace.gap = float(np.fmax.reduce(columns["gap"])) / edge
+    largest = np.fmax.reduce([*(kinetic + strain), *np.abs(np.cumsum(tools)), 0.0])
+    if largest > 0.0:
+        rise = -np.cumsum(loss)
+        above = rise - np.minimum.accumulate(np.minimum(rise, 0.0))
+        trace.created = float(np.fmax.reduce([*above, 0.0]) / largest)
+        trace.seam_work = float(np.fmax.reduce(np.abs(np.cumsum(seam))) / largest)
 
 
 def _parsed(scene: Mapping[str, object] | Scene | Path) -> Scene:
@@ -98,59 +127,6 @@ def _parsed(scene: Mapping[str, object] | Scene | Path) -> Scene:
 
 class _Toil(Exception):
     """A run needs more work than it is worth."""
-
-
-class _Watch:
-    """Collects what a run shows, step by step."""
-
-    def __init__(self, scene: Scene, measure: Measure, toil: int) -> None:
-        self._measure, self._scene, self._left = measure, scene, toil
-        self._values: list[float] = []
-        self._times: list[float] = []
-        self._events: list[Event] = []
-        self._guards: dict[str, int] = {}
-        self._scale = self._created = self._gap = self._tool_work = self._seam_work = 0.0
-        self._rise = self._lowest = self._most_seam_work = 0.0
-        self._broke: float | None = None
-
-    def see(self, observation: Observation) -> None:
-        self._events += observation.events
-        self._values.append(self._measure(observation))
-        self._times.append(observation.time)
-        energy = observation.energies
-        self._tool_work += energy["tool_work"]
-        self._scale = max(self._scale, energy["kinetic"] + energy["strain"], abs(self._tool_work))
-        self._rise -= energy["dissipation"]
-        self._lowest = min(self._lowest, self._rise)
-        self._created = max(self._created, self._rise - self._lowest)
-        self._seam_work += energy["seam_work"]
-        self._most_seam_work = max(self._most_seam_work, abs(self._seam_work))
-        self._gap = max(self._gap, observation.seam.gap)
-        numbers = [self._values[-1], energy["kinetic"], energy["strain"], energy["dissipation"]]
-        for event in observation.events:
-            if event.kind is EventKind.STEP:
-                self._left -= event.count
-        if self._left < 0:
-            raise _Toil(f"given up at {observation.time:.3g} s, where FEM cuts steps again and again")
-        if self._broke is None and not np.isfinite(numbers).all():
-            self._broke = observation.time
-
-    def write(self, trace: Trace) -> None:
-        trace.values, trace.times = tuple(self._values), tuple(self._times)
-        if self._values:
-            trace.value = float(np.mean(self._values[-max(1, len(self._values) // 4) :]))
-        trace.finite, trace.broke = self._broke is None, self._broke or 0.0
-        if self._scale > 0.0:
-            trace.created, trace.seam_work = self._created / self._scale, self._most_seam_work / self._scale
-        body = self._scene.body
-        if body.wanted_edges:
-            trace.gap = self._gap / min(body.wanted_edges)
-        for event in self._events:
-            if (guard := guard_of(event)) is not None:
-                self._guards[guard] = self._guards.get(guard, 0) + 1
-        trace.safeguards = self._guards
-        trace.events = tuple(self._events)
-        trace.warned = tuple(dict.fromkeys(told_by(trace)))
 
 
 def guard_of(event: Event) -> str | None:

@@ -23,8 +23,7 @@ from softseam.gym import TofuLift
 from softseam.losses import Run, Slope
 from softseam_studies.learn.evaluate import episode, learned
 from softseam_studies.learn.policy import POLICY, read_training
-from softseam_studies.learn.rules import Rule
-from softseam_studies.learn.tasks import TASKS
+from softseam_studies.learn.tasks import TASKS, Rule
 
 Floats = NDArray[np.float64]
 

@@ -1,7 +1,6 @@
 """`softseam fit`: numbers of a scene from measured forces, how sure they are, and the scene that has them."""
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,24 +19,13 @@ from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.models import REFERENCE
 from softseam_protocol.scene.file import bundle_scene, scene_json
 from softseam_protocol.scene.scene import Scene
+from softseam_studies.cli_fitting import Fit
 from softseam_studies.fit.curve import Curve, check_times, read_curve, read_off
 from softseam_studies.fit.least_squares import Answer, Floats, fit
 from softseam_studies.fit.numbers import Number, numbers_of
 
 
-@dataclass(frozen=True)
-class Wishes:
-    """What `softseam fit` was asked for."""
-
-    scene: str
-    curve: Path
-    find: str = "young"
-    out: Path | None = None
-    runs: int = 10
-    settings: tuple[str, ...] = ()
-
-
-def fit_scene(wishes: Wishes, console: Console) -> Answer:
+def fit_scene(wishes: Fit, console: Console) -> Answer:
     """Fit, print, and write the fitted scene if asked. Raises BadInput, SceneRefused and SimulationFailed."""
     if wishes.runs < 2:
         raise BadInput(f"--runs {wishes.runs}: at least 2, one to begin with and one to try")
@@ -137,7 +125,7 @@ def _print(console: Console, numbers: list[Number], answer: Answer) -> None:
             )
 
 
-def _write(wishes: Wishes, scene: Scene, numbers: list[Number], answer: Answer) -> None:
+def _write(wishes: Fit, scene: Scene, numbers: list[Number], answer: Answer) -> None:
     """The scene with what was found, under a line that says of what."""
     assert wishes.out is not None
     found = ", ".join(

@@ -1,7 +1,6 @@
 """Measured force curves: a file of columns, and how a run is read off at its times."""
 
 import csv
-import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.errors import BadInput
+from softseam.errors import BadInput, not_among
 from softseam.losses import Run
 
 Floats = NDArray[np.float64]
@@ -50,9 +49,7 @@ def read_curve(path: Path, tools: Sequence[str]) -> Curve:
     names = [cell.strip() for cell in header]
     for name in names:
         if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise BadInput(f"{path}:{first}: no column is called {name!r}{hint} (there are: {', '.join(known)})")
+            raise BadInput(f"{path}:{first}: no column is called {not_among(name, known)}")
     if len(set(names)) < len(names) or _TIME not in names or len(names) < 2:
         raise BadInput(f"{path}:{first}: name each column once: time, and at least one force ({', '.join(known[1:])})")
     table = np.array([_numbers(path, number, row, names) for number, row in body]).reshape(-1, len(names))

@@ -1,10 +1,9 @@
 """What can be found: numbers of a scene, where they begin, and the settings that they become."""
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from softseam.errors import BadInput
+from softseam.errors import BadInput, not_among
 from softseam_protocol.scene.scene import Scene
 
 _YOUNG, _FRICTION = "young", "friction"
@@ -38,9 +37,7 @@ def numbers_of(scene: Scene, asked: str) -> list[Number]:
     known = [_YOUNG, _FRICTION, *(f"{_FRICTION}.{tool}" for tool in scene.tools)]
     for name in names:
         if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise BadInput(f"--find {asked}: nothing is called {name!r}{hint} (there are: {', '.join(known)})")
+            raise BadInput(f"--find {asked}: nothing is called {not_among(name, known)}")
     if len(set(names)) < len(names) or (_FRICTION in names and any(name.startswith("friction.") for name in names)):
         raise BadInput(f"--find {asked}: name each number once, and friction either of all tools or of some")
     return [_young(scene) if name == _YOUNG else _friction(scene, name, asked) for name in names]

@@ -1,10 +1,16 @@
-"""Episodes of training by XPBD, replayed by FEM with the same actions, and compared at the moments that matter."""
+"""Episodes of training by XPBD, replayed by FEM with the same actions, and compared at the moments that matter.
+
+A process beside the training replays them: a line of JSON goes in for each, and one comes back.
+"""
 
 from __future__ import annotations
 
+import json
+import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
+from queue import Empty, SimpleQueue
+from typing import Any, BinaryIO
 
 import numpy as np
 from gymnasium.utils import seeding
@@ -12,11 +18,13 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from softseam.child import Child, answers
 from softseam.gym.batch_env import BatchEnv
 from softseam.gym.lift_scene import BY_FEM, BY_XPBD, HEIGHT, PADS, SPEED
 from softseam.gym.sight import FORCE, SEEN
 from softseam.gym.task_env import ACT
 from softseam.gym.tofu_lift import TofuLift
+from softseam_protocol.extensions import load_extensions
 
 Floats = NDArray[np.float64]
 
@@ -174,3 +182,79 @@ def _spread(ratios: Floats) -> str:
         return "-"
     low, middle, high = 100.0 * (np.percentile(ratios, [10, 50, 90]) - 1.0)
     return f"{middle:+.0f} % ({low:+.0f} .. {high:+.0f})"
+
+
+_EVERY = 5_000
+"""steps of training between checks, at least: what keeps their cost small"""
+
+
+class Beside:
+    """Has an episode of a batch checked from time to time, while that goes on; the process has one at a time."""
+
+    def __init__(self, batch: BatchEnv, settings: Sequence[str] = (), every: int = _EVERY) -> None:
+        """settings  of the scene, as the batch has them; every: steps of training between checks, at least"""
+        self._answers: SimpleQueue[bytes] = SimpleQueue()
+        self.child = Child(__spec__.name, settings, self._read)
+        self._watched, self._every, self._last = Watched(batch), every, batch.steps - every
+        self._under_way: Episode | None = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether it can check any more."""
+        return self.child.process.poll() is None
+
+    def silence(self) -> str:
+        """Why nothing more comes of checks."""
+        if not self.alive:
+            return f"its process ended by itself, with code {self.child.process.returncode}"
+        if self._under_way is None:
+            return "no episode of the first environment was over that it could replay from its beginning"
+        return "its process still compiled, or replayed the first (what it compiled is kept for the next training)"
+
+    def follow(self, batch: BatchEnv) -> None:
+        """Another one, which goes on where that stopped."""
+        self._watched = Watched(batch)
+
+    def see(self, actions: Any, info: Mapping[str, Any], over: Any) -> None:
+        """A step of the batch: actions (k, 2), what it reported, and which episodes ended with it (k,)."""
+        episode = self._watched.see(actions[0], info, bool(over[0]))
+        if episode is not None and self._under_way is None and episode.steps >= self._last + self._every:
+            self._begin(episode)
+
+    def ended(self, seconds: float = 0.0) -> Check | None:
+        """What came of a check, once, if one is over, waiting for that no longer than this [s]."""
+        if self._under_way is None:
+            return None
+        try:
+            answer = self._answers.get(seconds > 0.0, seconds or None)
+        except Empty:
+            return None
+        episode, self._under_way = self._under_way, None
+        return compare(episode, np.array(json.loads(answer)))
+
+    def close(self) -> None:
+        """End it, whatever it does."""
+        self.child.close()
+
+    def _begin(self, episode: Episode) -> None:
+        self._under_way, self._last = episode, episode.steps
+        self.child.write(json.dumps(asdict(episode)).encode() + b"\n")
+
+    def _read(self, answers: BinaryIO) -> None:
+        for line in answers:
+            self._answers.put(line)
+
+
+def main() -> None:
+    """Replay what comes in, until nothing more does."""
+    out = answers()
+    load_extensions()
+    env = TofuLift(step=CHECK_STEP, settings=sys.argv[1:])
+    for line in sys.stdin:
+        trace = replay(env, Episode(**json.loads(line)))
+        print(json.dumps(trace.tolist()), file=out, flush=True)
+    env.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,10 @@ from rich.table import Table
 from softseam.bar import Bar
 from softseam.errors import BadInput, missing_extra
 from softseam.gym.task_env import TaskEnv
+from softseam_studies.cli_learning import Evaluate
 from softseam_studies.cluster import share
 from softseam_studies.learn.policy import POLICY, Algorithm, Training, read_training
-from softseam_studies.learn.rules import Rule
-from softseam_studies.learn.tasks import TASKS
+from softseam_studies.learn.tasks import TASKS, Rule
 
 UNSEEN = 1_000_000
 """the first seed of pieces that no training begins with"""
@@ -30,18 +31,6 @@ ANY_TASK = ("failed", "time")
 """words with which an episode of any task may end: without a solution, out of time"""
 Ending = tuple[str, float]
 """of an episode: its word, and the hardship of its task"""
-
-
-@dataclass(frozen=True)
-class Wishes:
-    """What `softseam evaluate` was asked for."""
-
-    policy: Path
-    pieces: int = 64
-    step: float = 0.01
-    record: Path | None = None
-    ray: str | None = None
-    """address of a Ray cluster that shares the pieces out, see `share`"""
 
 
 @dataclass(frozen=True)
@@ -112,7 +101,7 @@ def learned(policy: bytes, algorithm: Algorithm, env: TaskEnv[Any]) -> Rule:
     return lambda seen, info: learner.predict(seen, deterministic=True)[0]
 
 
-def evaluate(wishes: Wishes, console: Console) -> dict[str, Judged]:
+def evaluate(wishes: Evaluate, console: Console) -> dict[str, Judged]:
     """Print a table, and record the best and the worst episode. Raises BadInput, MissingExtra and what `share` does."""
     if wishes.pieces < 1:
         raise BadInput(f"--pieces {wishes.pieces}: give 1 or more")
@@ -121,14 +110,20 @@ def evaluate(wishes: Wishes, console: Console) -> dict[str, Judged]:
     make = partial(Judge, (wishes.policy / POLICY).read_bytes(), training, wishes.step)
     names = (THE_POLICY, *task.rules)
     work = [(name, number) for name in names for number in range(wishes.pieces)]
-    judge, progress = make(), _Progress(console, training.task, work)
+    judge, bar, over = make(), Bar(console, f"{training.task}, judged", float(len(work))), count(1)
+
+    def see(ending: Ending) -> Ending:
+        done = next(over)
+        bar.show(float(done), f"{done:,} of {len(work):,} episodes")
+        return ending
+
     try:
         if wishes.ray is None:
-            endings = [progress.see(judge(each)) for each in work]
+            endings = [see(judge(each)) for each in work]
         else:
-            endings = share(wishes.ray, make, work, progress.warn, progress.see)
+            endings = share(wishes.ray, make, work, partial(console.print, style="yellow", highlight=False), see)
     finally:
-        progress.stop()
+        bar.stop()
         judge.close()
     each = (endings[place : place + wishes.pieces] for place in range(0, len(work), wishes.pieces))
     found = dict(zip(names, map(Judged.of, each), strict=True))
@@ -147,32 +142,7 @@ def episode(env: TaskEnv[Any], act: Rule, seed: int) -> dict[str, Any]:
             return info
 
 
-class _Progress:
-    """How many episodes are over: a bar on a terminal, else a line every tenth."""
-
-    def __init__(self, console: Console, task: str, work: Sequence[tuple[str, int]]) -> None:
-        self._console, self._title, self._total, self._over = console, f"{task}, judged", len(work), 0
-        self._bar = Bar(console, self._title, float(len(work)), "") if console.is_terminal else None
-
-    def see(self, ending: Ending) -> Ending:
-        """One that is over."""
-        self._over += 1
-        state = f"{self._over:,} of {self._total:,} episodes"
-        if self._bar is not None:
-            self._bar.show(float(self._over), state)
-        elif 10 * self._over // self._total > 10 * (self._over - 1) // self._total:
-            self._console.print(f"{self._title}: {state}", highlight=False)
-        return ending
-
-    def warn(self, text: str) -> None:
-        self._console.print(text, style="yellow", highlight=False)
-
-    def stop(self) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-
-
-def _print(console: Console, name: str, found: dict[str, Judged], wishes: Wishes) -> None:
+def _print(console: Console, name: str, found: dict[str, Judged], wishes: Evaluate) -> None:
     """A row a player: how its episodes ended, with the words of the task, and what bodies suffered."""
     task, table = TASKS[name], Table(box=None, pad_edge=False, header_style="dim")
     console.print(f"{name}, {wishes.pieces} pieces, steps of {1e3 * wishes.step:g} ms", highlight=False)

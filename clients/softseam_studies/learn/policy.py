@@ -10,8 +10,7 @@ from softseam.errors import BadInput
 from softseam.gym.lift_scene import BY_FEM, LiftModel
 from softseam.report import write_json
 from softseam_studies.learn.check import Check
-from softseam_studies.learn.curriculum import Stage
-from softseam_studies.learn.tasks import TASKS, VERSION
+from softseam_studies.learn.tasks import TASKS, VERSION, Stage
 
 Algorithm = Literal["ppo", "sac"]
 

@@ -1,20 +1,101 @@
-"""What can be learned at the command line: a row a task."""
+"""What can be learned at the command line: a row a task, fixed rules that policies are measured against, and stages.
 
+Rules act by what is seen, or by `info`, which no policy sees.
+"""
+
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from softseam.errors import BadInput
+from softseam.gym import push_gentle, towel_fold
 from softseam.gym.batch_env import BatchEnv
 from softseam.gym.lift_scene import BY_FEM, BY_XPBD, LiftModel
 from softseam.gym.push_gentle import STRESS_LIMIT, PushGentle
 from softseam.gym.reward import Heading, Nearness, Ramp, StressConcentration, Touch, Way
+from softseam.gym.scene_env import Numbers
 from softseam.gym.slice_lift import SliceLift
-from softseam.gym.task_env import TaskEnv
+from softseam.gym.task_env import ACT, TaskEnv
 from softseam.gym.tofu_lift import TofuLift
 from softseam.gym.towel_fold import TowelFold
-from softseam_studies.learn.curriculum import COARSE_TO_FINE, Stage
-from softseam_studies.learn.rules import Rule, folded, pressed, pushed, squeezed
+
+Rule = Callable[[Numbers, dict[str, Any]], list[float]]
+
+
+def pressed(newton: float) -> Rule:
+    """Of a lift: close until the pads press with so much, then rise."""
+    return lambda seen, info: [0.4, 0.0] if info["grip_force"] < newton else [0.0, 0.6]
+
+
+def squeezed(share: float) -> Rule:
+    """Of a lift: close until the body is squeezed by so much, then rise."""
+    return lambda seen, info: [0.4, 0.0] if info["compression"] < share else [0.0, 0.6]
+
+
+def pushed(speed: float) -> Rule:
+    """Of a push: ahead until something is touched, then along the line to the target; speed in parts of full speed."""
+
+    def rule(seen: Numbers, info: dict[str, Any]) -> list[float]:
+        now = dict(zip(push_gentle.SEEN, seen.tolist(), strict=True))
+        if now["finger in contact"] == 0.0 and now["force ahead"] == 0.0:
+            return [speed, 0.0]
+        ahead, aside = 0.05 * now["target ahead of the marker"], 0.01 * now["target aside of it"]
+        return [speed, 6.0 * speed * min(max(aside / max(ahead, push_gentle.NEAR), -0.5), 0.5)]
+
+    return rule
+
+
+def folded(actions: int) -> Rule:
+    """Of a fold: half of a circle to the other edge in so many actions, then down to where the corners belong."""
+    reach = TowelFold.speed * ACT / _EDGE
+
+    def rule(seen: Numbers, info: dict[str, Any]) -> list[float]:
+        taken = round(float(seen[-1]) * towel_fold.STEPS) + 1
+        ways, to_go = seen[:6].astype(np.float64), seen[12:18].astype(np.float64)
+        angle = math.pi * taken / actions
+        goal = np.array([0.5 * (math.cos(angle) - 1.0), 0.0, 0.42 * math.sin(angle)] * 2)
+        if taken > actions:
+            goal = ways + 0.5 * to_go
+        found: list[float] = ((goal - ways) / reach).tolist()
+        return found
+
+    return rule
+
+
+_EDGE = 0.5
+"""of the towel [m]"""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Pieces of XPBD with cells of one size. The last stage of a training lasts to its end."""
+
+    cell: float
+    """edge [m]"""
+    part: float = 0.0
+    """of the training's actions that must be over before the next stage begins"""
+    success: float = 0.0
+    """of the last episodes that must succeed, too"""
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """Of the scene, as `softseam run --set` takes them."""
+        return (f"body.cell=[{self.cell!r}, {self.cell!r}, {self.cell!r}]",)
+
+    def over(self, part: float, success: float) -> bool:
+        """Whether the next stage may begin, after a part of the training's actions."""
+        return part >= self.part and success >= self.success
+
+    def __str__(self) -> str:
+        return f"cells of {1e3 * self.cell:.3g} mm"
+
+
+COARSE_TO_FINE = (Stage(0.05 / 3.0, part=2.0 / 3.0, success=0.95), Stage(0.01))
+"""of TofuLift: two thirds on pieces of 64 nodes, which take a fourth of the time of the 216 that end it"""
+
 
 VERSION = 3
 """of what the tasks show and take; a policy of another one cannot be used"""

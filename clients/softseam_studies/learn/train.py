@@ -1,10 +1,9 @@
 """`softseam train`: learn a task with stable-baselines3, and leave the policy, how it was learned, and the curve."""
 
 import math
-import os
 from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -17,16 +16,14 @@ from rich.console import Console
 
 from softseam.bar import Bar
 from softseam.errors import BadInput, SoftseamError, missing_extra
-from softseam.gym.lift_scene import LiftModel
 from softseam.gym.task_env import TaskEnv
-from softseam.outputs import check_outputs
+from softseam.outputs import check_outputs, whole
 from softseam_protocol.facts import cores
-from softseam_studies.learn.check import show_checks
-from softseam_studies.learn.check_beside import Beside
-from softseam_studies.learn.curriculum import Stage
+from softseam_studies.cli_learning import Train
+from softseam_studies.learn.check import Beside, show_checks
 from softseam_studies.learn.policy import POLICY, TRAINING, Algorithm, Training, read_training
 from softseam_studies.learn.sessions import Sessions
-from softseam_studies.learn.tasks import TASKS, Task, task_of
+from softseam_studies.learn.tasks import TASKS, Stage, Task, task_of
 
 _KEPT = 100
 """episodes that the curve is a mean of"""
@@ -38,28 +35,7 @@ _WAIT = 20.0
 """for the last check [s]"""
 
 
-@dataclass(frozen=True)
-class Wishes:
-    """What `softseam train` was asked for."""
-
-    task: str = "TofuLift"
-    algorithm: Algorithm = "ppo"
-    steps: int | None = None
-    seed: int = 0
-    model: LiftModel | None = None
-    environments: int | None = None
-    out: Path | None = None
-    resume: bool = False
-    settings: tuple[str, ...] = ()
-    check: bool | None = None
-    """by FEM, of XPBD's episodes; None: where the task has that"""
-    stages: bool | None = None
-    """from coarse cells of XPBD to fine ones; None: where the task has them"""
-    shape: str | None = None
-    """of the body, where the task has one of the user's"""
-
-
-def train(wishes: Wishes, console: Console) -> Path:
+def train(wishes: Train, console: Console) -> Path:
     """Learn, and return the folder; interrupted, what was learned is kept. Raises BadInput and MissingExtra."""
     task = task_of(wishes.task)
     folder = wishes.out or Path("out") / f"{wishes.task}-{wishes.algorithm}-{wishes.seed}"
@@ -88,7 +64,7 @@ def train(wishes: Wishes, console: Console) -> Path:
     return folder
 
 
-def _check(wishes: Wishes, task: Task) -> None:
+def _check(wishes: Train, task: Task) -> None:
     """Raises BadInput where the task has not what is asked for."""
     if wishes.model is not None and wishes.model not in task.models:
         raise BadInput(f"--model {wishes.model}: {wishes.task} is learned by {' or '.join(task.models)}: leave it out")
@@ -103,7 +79,7 @@ def _check(wishes: Wishes, task: Task) -> None:
             )
 
 
-def stages_of(wishes: Wishes) -> tuple[Stage, ...]:
+def stages_of(wishes: Train) -> tuple[Stage, ...]:
     """The task's; none without batches of XPBD, or on cells that were asked for."""
     task = TASKS[wishes.task]
     said = any(setting.startswith("body.cell") for setting in wishes.settings)
@@ -111,7 +87,7 @@ def stages_of(wishes: Wishes) -> tuple[Stage, ...]:
     return task.stages if wishes.stages is not False and xpbd and not said else ()
 
 
-def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -> None:
+def _learn(training: Training, folder: Path, console: Console, wishes: Train) -> None:
     """To the end, or until it is interrupted."""
     try:
         import torch
@@ -137,7 +113,7 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -
         beside = Beside(vector.batch, training.settings)
         vector.watch = beside.see
     keeper = _Keeper(training, folder, learner, beside)
-    show, stop = _shown(console, training)
+    bar = Bar(console, f"{training.task}, {training.algorithm}", float(training.steps))
 
     class Watch(BaseCallback):  # type: ignore[misc]
         def _on_rollout_start(self) -> None:
@@ -147,7 +123,8 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -
 
         def _on_step(self) -> bool:
             keeper.see(self.num_timesteps, self.locals["infos"], self.locals["dones"])
-            show(keeper)
+            done = keeper.training.done
+            bar.show(float(done), f"{done:,} of {training.steps:,} steps; {keeper.state}")
             return True
 
     try:
@@ -163,13 +140,13 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Wishes) -
             learner.learn(keeper.until - now.done, callback=Watch(), reset_num_timesteps=False)
         keeper.wait()
     except (KeyboardInterrupt, SoftseamError):
-        stop()
+        bar.stop()
         keeper.save()
         console.print(f"stopped after {keeper.training.done:,} steps; go on with: softseam train --resume "
                       f"--out {folder}", soft_wrap=True, highlight=False)  # fmt: skip
         raise
     finally:
-        stop()
+        bar.stop()
         vector.close()
         silence, lost = "", False
         if beside is not None:
@@ -334,29 +311,10 @@ class _Keeper:
         seconds = self._spent + perf_counter() - self._began
         self.training = replace(self.training, curve=tuple(self._rows), seconds=seconds, checks=tuple(self._checks))
         self._saved = self.training.done
-        fresh = self._folder / f".policy.{os.getpid()}.zip"
-        self._learner.save(fresh)
-        fresh.replace(self._folder / POLICY)
+        with whole(self._folder / POLICY) as fresh:
+            self._learner.save(fresh)
         self.training.write(self._folder)
         if self._rows:
             from softseam_studies.learn.curve import draw_curve
 
             draw_curve(self.training, self._folder / "curve.png")
-
-
-def _shown(console: Console, training: Training) -> tuple[Callable[[_Keeper], None], Callable[[], None]]:
-    """How it gets on: a bar on a terminal, else a line every tenth."""
-    title = f"{training.task}, {training.algorithm}"
-    if console.is_terminal:
-        bar = Bar(console, title, float(training.steps), "")
-        return (lambda keeper: bar.show(float(keeper.training.done), keeper.state)), bar.stop
-    shown = [training.done]
-
-    def line(keeper: _Keeper) -> None:
-        if keeper.training.done >= shown[0] + max(training.steps // 10, 1):
-            shown[0] = keeper.training.done
-            console.print(
-                f"{title}: {keeper.training.done:,} of {training.steps:,} steps; {keeper.state}", highlight=False
-            )
-
-    return line, lambda: None

@@ -1,8 +1,8 @@
 """`softseam chart`: from a scene to a picture, a page, and tables of accuracy against speed."""
 
 import io
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
@@ -13,6 +13,7 @@ from softseam.outputs import check_outputs
 from softseam.report import write_json
 from softseam.scenes import inputs_of
 from softseam.view.colors import label
+from softseam_studies.cli_studies import Chart
 from softseam_studies.cluster import reach
 from softseam_studies.study.classic import classic_configurations
 from softseam_studies.study.configurations import METHODS, configurations
@@ -32,23 +33,7 @@ REFERENCE_SHARE = 0.5
 """of the budget, for the reference"""
 
 
-@dataclass(frozen=True)
-class Wishes:
-    """What `softseam chart` was asked for."""
-
-    scene: str
-    settings: tuple[str, ...] = ()
-    out: Path | None = None
-    minutes: float = 10.0
-    rivals: Path | None = None
-    fresh: bool = False
-    jobs: int = 1
-    """configurations that run side by side, each in a process of its own"""
-    ray: str | None = None
-    """address of a Ray cluster that runs them, see `Workers`"""
-
-
-def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
+def chart(wishes: Chart, console: Console) -> tuple[list[Row], Reference]:
     """Compute the reference, sweep the methods, write chart.png, .html, .csv and .json; returns rows and reference.
 
     Raises SoftseamError where no configuration could be run to its end, and what was drawn before stays as it is.
@@ -84,7 +69,7 @@ def chart(wishes: Wishes, console: Console) -> tuple[list[Row], Reference]:
             store,
             left,
             progress.configuration,
-            jobs=wishes.jobs,
+            jobs=wishes.jobs or os.cpu_count() or 1,
             ray=wishes.ray,
             lost=progress.lost,
         )

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Literal
 
-from softseam.step_cost import fem_step, xpbd_step
-from softseam.symmetric import PARTS
+from softseam.choice import PARTS
+from softseam.duration import fem_step, xpbd_step
 from softseam_protocol.scene.bodies import block_of
 from softseam_protocol.scene.spec import Vector
 from softseam_studies.study.frame import Counts, Frame, Grading, is_viscous
@@ -227,7 +227,7 @@ def _fem(frame: Frame) -> Iterator[Configuration]:
     second: tuple[tuple[int, Factors], ...] = ((2, (1, 2)),)
     if not frame.scene.tools:
         second = ((1, (2, 4)), (2, (1, 2, 4)), (3, (2, 4)), (4, (2,)))
-    for integrator in ("midpoint",) if is_viscous(frame.scene) else ("midpoint", "bdf2"):
+    for integrator in ("midpoint",) if is_viscous(frame.body) else ("midpoint", "bdf2"):
         for across, factors in second:
             for factor in factors:
                 yield Fem(frame, folded(across), factor * step, integrator=integrator).configuration()

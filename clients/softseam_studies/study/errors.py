@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.columns import unit_of
-from softseam.norm import rms
+from softseam.columns import rms, unit_of
 from softseam.view.colors import label
 from softseam_studies.study.series import Series
 

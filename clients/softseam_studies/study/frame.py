@@ -36,9 +36,8 @@ Grading = float | Vector
 """how many times thinner cells are, along all axes or along x, y and z [1]"""
 
 LONGER = 2.0
-"""cells are this many times as long as they are wide along an axis that little changes along [1]"""
-NARROWER = 2.0
-"""and a reference's are this many times as short across lines of contact [1]"""
+"""cells are this many times as long as they are wide along an axis that little changes along, and a reference's are as
+many times as short across lines of contact [1]"""
 DEEP = 0.1
 """share of a block's edge that tools' edges lie inside its faces at least, for cells of any size to end there [1]"""
 TRIED = 8
@@ -80,7 +79,7 @@ class Frame:
         """Cells of a reference's level: those of `across`, and shorter ones along `narrow`."""
         counts = list(self.across(count))
         if self.narrow is not None:
-            counts[self.narrow] = round(NARROWER * counts[self.narrow])
+            counts[self.narrow] = round(LONGER * counts[self.narrow])
         return counts[0], counts[1], counts[2]
 
     def _to_borders(self, counts: Counts) -> Counts:
@@ -355,9 +354,8 @@ def _ends_inside(scene: Scene, size: Vector, position: Vector, tool: str) -> boo
         return False
 
 
-def is_viscous(scene: Scene) -> bool:
-    """Whether the body has a drag, or its material a retardation time, which not every integrator knows."""
-    body = scene.body
+def is_viscous(body: AnyBody) -> bool:
+    """Whether a body has a drag, or its material a retardation time, which not every integrator knows."""
     return body.has_cells and (body.cell_materials[0].retardation_time > 0.0 or body.said("damping", 0.0) > 0.0)
 
 

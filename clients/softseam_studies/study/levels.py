@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam.columns import rms
 from softseam.errors import SceneRefused, SoftseamError
-from softseam.norm import rms
 from softseam.scenes import bundle_of, bundle_with
 from softseam.variants import with_settings
 from softseam_protocol.facts import machine
@@ -23,10 +23,9 @@ from softseam_protocol.scene.file import scene_hash
 from softseam_protocol.scene.models import ModelsSpec
 from softseam_protocol.scene.regions import SeamSpec
 from softseam_protocol.scene.scene import Scene
-from softseam_studies.study.configurations import Configuration, Fem
-from softseam_studies.study.deadline import Deadline
+from softseam_studies.study.configurations import Configuration, Fem, particles
 from softseam_studies.study.frame import Frame, is_viscous
-from softseam_studies.study.measure import Outcome, Told, measure, quantity_names
+from softseam_studies.study.measure import Deadline, Outcome, Told, measure, quantity_names
 from softseam_studies.study.reference import Level
 from softseam_studies.study.richardson import Limit, limit
 from softseam_studies.study.series import Series
@@ -54,7 +53,7 @@ class Levels:
     def __init__(self, name: str | Path | Scene, settings: Sequence[str], frame: Frame, names: tuple[str, ...]) -> None:
         self._name, self._settings, self.frame, self.names = name, tuple(settings), frame, names
         # an undamped body swings on, which implicit Euler would have to resolve with very short steps
-        free = "midpoint" if is_viscous(frame.scene) else "bdf2"
+        free = "midpoint" if is_viscous(frame.body) else "bdf2"
         self.integrator = "implicit_euler" if frame.scene.tools else free
         self._store: Store | None = None
         self.done: dict[Resolution, Outcome] = {}
@@ -207,3 +206,20 @@ def levels_of(frame: Frame) -> tuple[int, ...]:
     found = alike if len(alike) > 3 else different
     solved = [frame.n_solved(frame.level(across)) for across in found]
     return tuple(a for k, a in enumerate(found) if solved[k] <= max(DEAR, min(solved[k + 1 :], default=np.inf)))
+
+
+FIRST = 16
+"""substeps of a step that the sequence begins with: with fewer, stiff springs stretch by more than they hang"""
+
+
+class ParticleLevels(Levels):
+    """Levels that differ in the length of substeps; each has the scene's own step, which tools move by."""
+
+    def sequence(self) -> tuple[int, ...]:
+        return (1,)
+
+    def n_cells(self, across: float) -> int:
+        return 1
+
+    def configuration(self, across: float, step: float) -> Configuration:
+        return particles(self.frame, self.frame.scene.step, round(FIRST * self.frame.scene.step / step))

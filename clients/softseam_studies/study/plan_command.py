@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam import norm, step_cost
+from softseam import columns, duration
 from softseam.embedded import compile_clock, compile_models
 from softseam.errors import BadInput
 from softseam.scenes import bundle_of
@@ -22,12 +22,10 @@ from softseam_protocol.scene.bodies import block_of
 from softseam_protocol.scene.scene import Scene
 from softseam_studies.study.bundled import digest_of
 from softseam_studies.study.configurations import Configuration, configurations
-from softseam_studies.study.deadline import Deadline
 from softseam_studies.study.errors import uncounted
-from softseam_studies.study.measure import Clock, Outcome, measure, quantity_names
+from softseam_studies.study.measure import Clock, Deadline, Outcome, measure, quantity_names
 from softseam_studies.study.plan import Goal, Plan, Tried
-from softseam_studies.study.planner import choose, counts_to, promised, too_vague
-from softseam_studies.study.prescribed import prescribed
+from softseam_studies.study.planner import choose, counts_to, prescribed, promised, too_vague
 from softseam_studies.study.progress import ChartProgress
 from softseam_studies.study.store import Store, cache_folder
 from softseam_studies.study.study import Study, reference_of, study_of
@@ -194,7 +192,7 @@ def search(
 def planner_digest() -> str:
     """Digest of the sources that choose and judge runs: with another digest, perhaps another plan of the same runs."""
     digest = hashlib.sha256()
-    shared = (Path(file) for file in (norm.__file__, step_cost.__file__))
+    shared = (Path(file) for file in (columns.__file__, duration.__file__))
     for path in (*sorted(Path(__file__).parent.glob("*.py")), *shared):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:8]

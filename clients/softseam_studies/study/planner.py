@@ -13,16 +13,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from softseam.columns import unit_of
+from softseam.columns import rms, unit_of
 from softseam.errors import SoftseamError
-from softseam.norm import rms
 from softseam.view.colors import label
+from softseam_protocol.scene.motion import ClosePhase, MovePhase
 from softseam_protocol.scene.scene import Scene
 from softseam_studies.study.configurations import Configuration, Fem
 from softseam_studies.study.errors import KNOWN, errors, sure
 from softseam_studies.study.measure import Outcome
 from softseam_studies.study.plan import Goal, Plan, Tried
-from softseam_studies.study.prescribed import prescribed
 from softseam_studies.study.reference import Reference, in_words, origin
 from softseam_studies.study.sweep import learn
 
@@ -275,3 +274,17 @@ def _nearest(goal: Goal, best: Tried | None, tried: Sequence[Tried]) -> str:
 
 def _percent(value: float) -> str:
     return f"{100 * value:.2g} %"
+
+
+def prescribed(scene: Scene) -> dict[str, str]:
+    """Names of quantities, and what prescribes each."""
+    grips = [phase for phase in scene.motion if isinstance(phase, ClosePhase)]
+    found = {}
+    if any(grip.force is not None for grip in grips):
+        found["grip_force"] = "the motion prescribes it: tools hold this force"
+    elif grips and all(grip.until.force is None for grip in grips):
+        found["compression"] = "the motion prescribes it: tools close by so much"
+    moves = (phase for phase in scene.motion if isinstance(phase, MovePhase))
+    if any(way[2] > 0.0 for phase in moves for way in phase.ways.values()):
+        found["lift_height"] = "the motion prescribes it: tools rise by so much"
+    return found

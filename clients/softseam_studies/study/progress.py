@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from time import perf_counter
-from types import TracebackType
 
 from rich.console import Console
 
@@ -13,43 +12,34 @@ from softseam_studies.study.configurations import Configuration
 from softseam_studies.study.measure import Told, timed_for
 from softseam_studies.study.reference import Reference, origin
 
-_LINE = 10.0
-"""longest time between lines where there is no terminal [s]"""
-
 
 class ChartProgress:
-    """A bar on a terminal, lines elsewhere; a context manager."""
+    """A context manager, whose bar is shown from when it is made."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._bar: Bar | None = None
+        self._bar = Bar(console, "reference", 1.0, "setting up; the first runs compile")
         self._total = 0.0
         self._rough: dict[str, float] = {}
         self._finished = 0.0
         self._spent = 0.0
         """what the finished work was foreseen to take, and took [s]"""
         self._end = perf_counter()
-        self._shown = -_LINE
 
     def __enter__(self) -> ChartProgress:
-        if self._console.is_terminal:
-            self._bar = Bar(self._console, "reference", 1.0, "setting up; the first runs compile")
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._bar is not None:
-            self._bar.stop()
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
 
     def reference(self, text: str, seconds: float) -> Told:
         """A level of the reference begins, or another run that is not of the sweep."""
         began = perf_counter()
-        self._say(text, 0.0, f"some {seconds:.0f} s" if seconds >= 1.0 else "", force=True)
+        self._bar.show(0.0, f"some {seconds:.0f} s" if seconds >= 1.0 else "", text, force=True)
 
         def show(done: float) -> None:
             taken = perf_counter() - began
-            self._say(text, done, f"ETA {taken / done - taken:.0f} s" if done > 0.05 else "")
+            self._bar.show(done, f"ETA {taken / done - taken:.0f} s" if done > 0.05 else "", text)
 
         return show
 
@@ -94,11 +84,4 @@ class ChartProgress:
         pace = taken / done if done > 0.02 * self._total else 1.0
         ends = self._end - perf_counter()
         # past it only what runs now is still to come, or what compiling held up
-        self._say(text, (before + part) / self._total, f"ETA {min(pace * left, ends):.0f} s" if ends > 0.0 else "")
-
-    def _say(self, text: str, done: float, state: str, *, force: bool = False) -> None:
-        if self._bar is not None:
-            self._bar.show(done, state, text)
-        elif force or perf_counter() - self._shown >= _LINE:
-            self._shown = perf_counter()
-            self._console.print(f"{text}{'  ' if state else ''}{state}", highlight=False)
+        self._bar.show((before + part) / self._total, f"ETA {min(pace * left, ends):.0f} s" if ends > 0.0 else "", text)

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam.columns import unit_of
+from softseam.columns import is_nothing, rms, unit_of
 from softseam.errors import SoftseamError
-from softseam.norm import is_nothing, rms
 from softseam_studies.study.errors import (
     FAINT,
     KNOWN,

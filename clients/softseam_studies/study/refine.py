@@ -8,9 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from softseam.columns import unit_of
+from softseam.columns import is_nothing, unit_of
 from softseam.errors import SoftseamError
-from softseam.norm import is_nothing
 from softseam_studies.study.errors import KNOWN, is_faint, largest_stress
 from softseam_studies.study.levels import Levels, Resolution, Watch
 from softseam_studies.study.reference import TARGET, Reference, counted, joined

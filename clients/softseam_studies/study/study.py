@@ -13,9 +13,8 @@ from softseam_protocol.scene.scene import Scene
 from softseam_studies.study.bundled import bundled
 from softseam_studies.study.errors import KNOWN
 from softseam_studies.study.frame import Frame, frame_of
-from softseam_studies.study.levels import Levels, Watch
+from softseam_studies.study.levels import Levels, ParticleLevels, Watch
 from softseam_studies.study.measure import quantity_names
-from softseam_studies.study.particles import ParticleLevels
 from softseam_studies.study.reference import TARGET, Reference
 from softseam_studies.study.refine import refine
 from softseam_studies.study.store import Identity

@@ -1,8 +1,5 @@
 """`softseam surrogate`: runs a scene many times, and leaves a file that answers for all that lies between."""
 
-from dataclasses import dataclass
-from pathlib import Path
-
 import numpy as np
 from rich.console import Console
 from rich.table import Table
@@ -12,26 +9,14 @@ from softseam.errors import BadInput
 from softseam.outputs import cannot_write, check_ending, check_outputs
 from softseam.scenes import bundle_of, inputs_of
 from softseam_protocol.quantities import QUANTITIES
+from softseam_studies.cli_fitting import MakeSurrogate
 from softseam_studies.surrogate.learn import checked, learn
-from softseam_studies.surrogate.surrogate import Surrogate
-from softseam_studies.surrogate.varied import Varied
+from softseam_studies.surrogate.surrogate import Surrogate, Varied
 
 _TENTH = 10
 
 
-@dataclass(frozen=True)
-class Wishes:
-    """What `softseam surrogate` was asked for."""
-
-    scene: str
-    vary: tuple[str, ...]
-    out: Path
-    of: str = "grip_force,peak_von_mises"
-    runs: int = 64
-    settings: tuple[str, ...] = ()
-
-
-def make_surrogate(wishes: Wishes, console: Console) -> Surrogate:
+def make_surrogate(wishes: MakeSurrogate, console: Console) -> Surrogate:
     """Make it, print what it claims, and write it. Raises BadInput, SceneRefused and SimulationFailed."""
     if not wishes.vary:
         raise BadInput("--vary: name what may differ, e.g. --vary body.material.young=10e3..40e3")

@@ -1,1 +1,0 @@
-"""The maps of the atlas, one a file."""
