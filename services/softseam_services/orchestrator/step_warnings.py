@@ -9,7 +9,7 @@ from softseam_coupling.ledger import Alarm
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import ErrorEstimate
-from softseam_protocol.scene.locking import locking
+from softseam_protocol.scene.consistency import locking
 from softseam_protocol.scene.scene import Scene
 
 _TOO_FAR = (
