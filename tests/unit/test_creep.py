@@ -70,7 +70,7 @@ def told(
             bounds=bounds,
             momentum=momentum,
             angular_momentum=np.cross(middle + way, momentum) + turning,
-            n_contacts=int(touches),
+            figure=lambda _: float(touches),
         )
         position = position + np.array([tool_speed * look, 0.0, 0.0])
         watch.look(number, cast("dict[str, Advanced]", {"body.near": reply}), position, tools.orientation)

@@ -52,7 +52,9 @@ class Moved:
     def to(self, *way: float, touching: bool = False, tool: NDArray[np.float64] | None = None) -> list[str]:
         """By this way from rest [m], and the first tool to this place; what is told since the last time."""
         moved = self.body.x_rest + np.array(way)
-        reply = SimpleNamespace(bounds=np.array([moved.min(axis=0), moved.max(axis=0)]), n_contacts=int(touching))
+        reply = SimpleNamespace(
+            bounds=np.array([moved.min(axis=0), moved.max(axis=0)]), figure=lambda _: float(touching)
+        )
         position = self.tools.position.copy()
         if tool is not None:
             position[0] = tool

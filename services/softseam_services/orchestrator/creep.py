@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.messages.outcomes import Figure
 from softseam_protocol.messages.participant import Advanced
 from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
@@ -129,7 +130,7 @@ class Creep:
             box_of(told),
             sum((reply.momentum for reply in told), np.zeros(3)),
             sum((reply.angular_momentum for reply in told), np.zeros(3)),
-            any(reply.n_contacts for reply in told),
+            any(reply.figure(Figure.CONTACTS) for reply in told),
         )
 
     def _speed(self) -> float:

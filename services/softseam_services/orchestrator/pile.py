@@ -37,7 +37,7 @@ from softseam_protocol.messages.participant import (
     ToolMotion,
 )
 from softseam_protocol.messages.pile import Begun
-from softseam_protocol.participant.pile_state import join_states, split_states
+from softseam_protocol.participant.state import join_states, split_states
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.participants import Participants, Tied

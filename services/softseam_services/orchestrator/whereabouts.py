@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.messages.outcomes import Figure
 from softseam_protocol.messages.participant import Advanced
 from softseam_services.body.bounding_points import bounding_points
 from softseam_services.body.build import AnyBody
@@ -89,7 +90,8 @@ class Whereabouts:
         for tool in self.holding:
             if tool not in self._behind:
                 self._look_behind(step, tool, middle, position, orientation)
-        if not self._gone and len(self._tools.names) and not any(reply.n_contacts for reply in replies.values()):
+        touched = any(reply.figure(Figure.CONTACTS) for reply in replies.values())
+        if not (self._gone or touched) and len(self._tools.names):
             self._look_away(step, low, high, middle, position, orientation)
         self.middle = middle
 
