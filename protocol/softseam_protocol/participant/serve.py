@@ -78,11 +78,10 @@ def serve(
     connect: str = DEFAULT_ENDPOINT,
     deployment: str = DEFAULT_DEPLOYMENT,
     models: tuple[str, ...] = (),
-    wait: float = _WAIT,
 ) -> None:
     """Answer requests as this service until the process gets SIGTERM or SIGINT (Ctrl-C); call it in the main thread.
 
-    connect  the router's endpoint, for which it waits so many seconds
+    connect  the router's endpoint
     models   by which scenes may call the part: the service's name, fem and pbd, in whose place it moves the part
 
     One thread, not the main one, calls the solver. Raises NoRouter, ValueError for names that are none, and what a
@@ -90,7 +89,7 @@ def serve(
     """
     before: dict[signal.Signals, Any] = {}
     try:
-        with serving(solver, service, connect=connect, deployment=deployment, models=models, wait=wait) as ended:
+        with serving(solver, service, connect=connect, deployment=deployment, models=models) as ended:
             before = {number: signal.signal(number, lambda *_: ended.put(None)) for number in STOPPING}
             print(f"{service} answers at {connect}; Ctrl-C stops it", flush=True)
             error = ended.get()
