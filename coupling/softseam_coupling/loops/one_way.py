@@ -56,8 +56,6 @@ _DOUBT = 1.1
 """growth of a kappa in a step that does not measure it [1]"""
 _SMALL = 0.02
 """largest move that is not doubted, in cells [1]"""
-_SEEN = 1e-8
-"""moves below this share of the tolerance are rounding: they measure no kappa, and stand for no force [1]"""
 _DOUBTED_FORCE = 10.0
 """largest force that is doubted, as a share of all multipliers, over the tolerance as a share of a cell [1]"""
 _FORCE_EXCHANGES = 4
@@ -67,7 +65,8 @@ _UNCORRECTED = 0.5
 _STALE, _LEAST_AGE = 0.5, 24
 """a part's compliance is found anew after a step that was redone, where its kappa is larger [1] and it is so old"""
 _EXACT = 1e-8
-"""share of the tolerance to which the gaps are closed linearly [1]"""
+"""share of the tolerance to which the gaps are closed linearly; moves below it are rounding: they measure no kappa, and
+stand for no force [1]"""
 
 
 @dataclass(slots=True)
@@ -298,7 +297,7 @@ class OneWay:
             return
         for name, part in self._parts.items():
             went = largest(moves[name])
-            if went > _SEEN * self._setup.tolerance:
+            if went > _EXACT * self._setup.tolerance:
                 miss = x[name] - before[name] - moves[name]
                 linearity = self._linearity[name]
                 linearity.kappa = largest(miss) / went
@@ -346,7 +345,7 @@ class OneWay:
         """Whether the forces behind linear answers are doubted by little beside the multipliers found (c, 3) [N]."""
         most = _DOUBTED_FORCE * self._setup.tolerance / self._setup.cell * float(np.abs(found).sum())
         for name, push in pushes.items():
-            seen = largest(moves[name]) > _SEEN * self._setup.tolerance
+            seen = largest(moves[name]) > _EXACT * self._setup.tolerance
             if seen and self._linearity[name].kappa * float(np.abs(push).sum()) > most:
                 return False
         return True

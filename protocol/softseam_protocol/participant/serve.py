@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from softseam_protocol.bus.client import Bus
-from softseam_protocol.bus.server import Handler
+from softseam_protocol.bus.server import LAST_ANSWERS, Handler
 from softseam_protocol.errors import BusError
 from softseam_protocol.messages.participant import Configure
 from softseam_protocol.models import MODELS
@@ -24,8 +24,6 @@ from softseam_protocol.topics import DEFAULT_DEPLOYMENT, DEFAULT_ENDPOINT, Keys
 
 STOPPING = (signal.SIGTERM, signal.SIGINT)
 """signals that ask a participant to stop"""
-_LAST_ANSWER = 5.0
-"""longest wait for the answer at hand when it stops [s]"""
 _WAIT = 20.0
 """longest wait for the router [s]"""
 
@@ -68,7 +66,7 @@ def serving(
             yield ended
         finally:
             server.close()
-            thread.join(_LAST_ANSWER)
+            thread.join(LAST_ANSWERS)
 
 
 def serve(
