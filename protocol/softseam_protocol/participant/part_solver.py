@@ -26,8 +26,6 @@ from softseam_protocol.participant.state import NotFinite, State, finite, load, 
 
 Floats = NDArray[np.float64]
 
-_NONE = np.zeros((0, 0))
-
 
 def participant_of(make: Callable[[Configure], Part]) -> Participant:
     """A participant whose parts `make` makes, which raises ValueError for a part that it cannot take."""
