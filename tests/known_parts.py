@@ -13,7 +13,7 @@ from softseam_coupling.loops.loop import Correction, First, Loop, LoopSetup, Out
 from softseam_coupling.loops.one_way import OneWay
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.outcomes import Status
-from softseam_protocol.messages.participant import Advanced, Capabilities
+from softseam_protocol.messages.participant import Advanced, Capabilities, Coupled
 
 Floats = NDArray[np.float64]
 
@@ -75,9 +75,9 @@ class Part:
     def reply(self, root: Floats, told: Floats) -> Advanced:
         header, three = Header(2, "test", "part", 0, 0, 0, 0.0), np.zeros(3)
         return Advanced(
-            header, Status.CONVERGED, self.x.copy(), told, np.zeros((0, 6)), 0.0, 0.0, 0.0, 0.0, 0.0, three, three,
-            0.0, 0.0, 0, 1, 0.0, np.zeros(0), np.zeros((2, 3)), self.force, correctable=self.corrects,
-            coupling_compliance_root=root,
+            header, Status.CONVERGED, np.zeros((0, 6)), 0.0, 0.0, 0.0, 0.0, three, three, np.zeros((2, 3)), 0.0,
+            np.zeros(0),
+            Coupled(self.x.copy(), force=self.force, compliance=told, root=root, correctable=self.corrects),
         )  # fmt: skip
 
 

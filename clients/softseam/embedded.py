@@ -17,7 +17,7 @@ from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Recorded, SurfaceMesh
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, StepReport
 from softseam_protocol.models import ModelKind, that
-from softseam_protocol.scene.consistency import OneBody, candidates
+from softseam_protocol.scene.consistency import candidates
 from softseam_protocol.scene.file import SceneError, scene_from_bundle
 from softseam_protocol.scene.scene import Scene
 
@@ -213,7 +213,7 @@ def compiled(scene: Scene, build: Callable[[], Simulation]) -> Simulation:
     return simulation
 
 
-def _first_model(scene: OneBody) -> ModelKind:
+def _first_model(scene: Scene) -> ModelKind:
     """The model of near cells where there are such, else that of all."""
     near = candidates(scene)[0].regions.models[1]
     assert near is not None  # candidates name one

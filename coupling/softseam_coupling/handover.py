@@ -57,12 +57,6 @@ class HandOver:
     """(N, 3) [m/s]"""
     gap: float
     """largest distance between the two copies of a node [m]"""
-    kinetic_change: float
-    """kinetic energy after less before [J]: -sum mu |v_a - v_b|^2 / 2 of the merging and what the repair adds"""
-    angular_defect: float
-    """norm of D, eq. (2) [kg m^2/s], repaired unless `repaired` is false"""
-    repaired: bool
-    """false where no free nodes off a line were there to carry the repair"""
 
 
 def angular_momentum(mass: Floats, x: Floats, v: Floats) -> Floats:
@@ -94,31 +88,25 @@ def merge_sides(near: Side, far: Side, n_nodes: int, fixed: NDArray[np.bool_] | 
     x[far.nodes], v[far.nodes] = far.x, far.v
     shared, a, b = np.intersect1d(near.nodes, far.nodes, assume_unique=True, return_indices=True)
     if len(shared) == 0:
-        return HandOver(mass, x, v, 0.0, 0.0, 0.0, True)
+        return HandOver(mass, x, v, 0.0)
     weight = (near.mass[a] / mass[shared])[:, None]
     gap, jump = near.x[a] - far.x[b], near.v[a] - far.v[b]
     x[shared] = far.x[b] + weight * gap  # eq. (1): where the two agree, the value stays bit for bit
     v[shared] = far.v[b] + weight * jump
     mu = near.mass[a] * far.mass[b] / mass[shared]
-    kinetic_change = -0.5 * float(mu @ (jump * jump).sum(axis=1))
     defect = (mu[:, None] * np.cross(gap, jump)).sum(axis=0)  # eq. (2)
-    size = float(np.linalg.norm(defect))
-    repaired = True
-    if size > 0.0:
+    if defect.any():
         free = np.ones(n_nodes, dtype=np.bool_) if fixed is None else ~fixed
         change = _spin(mass[shared] * free[shared], x[shared], defect)
         nodes = shared
         if change is None:
             nodes = np.arange(n_nodes, dtype=shared.dtype)
             change = _spin(mass * free, x, defect)
-        repaired = change is not None
         if change is not None:
             change[~free[nodes]] = 0.0
-            before = v[nodes]
-            v[nodes] = before + change
-            kinetic_change += float(mass[nodes] @ (change * (before + 0.5 * change)).sum(axis=1))
+            v[nodes] += change
     largest = float(np.sqrt((gap * gap).sum(axis=1).max()))
-    return HandOver(mass, x, v, largest, kinetic_change, size, repaired)
+    return HandOver(mass, x, v, largest)
 
 
 def _spin(mass: Floats, x: Floats, defect: Floats) -> Floats | None:

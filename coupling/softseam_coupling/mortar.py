@@ -51,10 +51,6 @@ class SeamTie:
             return x_near - x_far
         return np.asarray(x_near - self.p @ x_far - self.c)
 
-    def far_force(self, lambda_: Floats) -> Floats:
-        """Nodal forces on the far side (s, 3) [N] that belong to lambda on the near side."""
-        return -lambda_ if self.p is None else np.asarray(-(self.p.T @ lambda_))
-
 
 def identity_tie(n_nodes: int) -> SeamTie:
     """Nodes tied one by one: exact where both traces are alike."""

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.kernels.patches import fill_islands, label_components, mend_contacts
+from softseam_coupling.kernels.patches import fill_islands, mend_contacts
 from softseam_coupling.kernels.reasons import count_reasons
 
 Floats = NDArray[np.float64]
@@ -107,8 +107,6 @@ class RegionChoice:
     """(C,)"""
     n_raised: int
     n_lowered: int
-    n_patches: int
-    """face-connected components of the near cells"""
     reason: str
 
     @property
@@ -172,7 +170,7 @@ class RegionRule:
             may_lower, self.patience, state.idle, wanted, reason,
         )  # fmt: skip
         if state.whole and not moves:
-            return RegionChoice(state.near, 0, 0, 0, "")
+            return RegionChoice(state.near, 0, 0, "")
         raised = wanted & ~state.near
         by_tool = raised & (ahead < self.within)
         if by_tool.any():
@@ -191,9 +189,7 @@ class RegionRule:
             parts.append(f"{n_raised} cells raised ({self._causes(gained, wanted, ahead, urgent, urgency or {})})")
         if n_lowered:
             parts.append(f"{n_lowered} cells lowered (no reason for {int(state.idle[lost].min())} steps or more)")
-        label, stack = np.empty((2, grid.n_cells), dtype=np.int32)
-        n_patches = label_components(near, grid.neighbours, label, stack) if parts else 0
-        return RegionChoice(near, n_raised, n_lowered, n_patches, "; ".join(parts))
+        return RegionChoice(near, n_raised, n_lowered, "; ".join(parts))
 
     def _urgent(self, state: RegionState, grid: CellGrid, ahead: Floats, urgency: Mapping[str, Floats]) -> Floats:
         """The greatest urgency of each cell (C,); not above 1 where others are raised first: those beside near cells,

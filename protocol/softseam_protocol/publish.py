@@ -38,6 +38,8 @@ def _rule(field: Field) -> str:
     if isinstance(field.of, Array):
         least = f", at least {field.of.least}" if field.of.least is not None else ""
         return f"  // {shape_text(field.of)}{least}"
+    if field.key is not str:
+        return f"  // keys are of: {', '.join(field.key)}"
     if field.least is not None:
         return f"  // at least {field.least}"
     if field.is_enum:

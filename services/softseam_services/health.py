@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError
-from softseam_protocol.messages.operations import Progress
+from softseam_protocol.messages.session import Progress
 from softseam_protocol.models import MODELS, service_of
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode

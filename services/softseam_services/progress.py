@@ -5,7 +5,7 @@ from collections.abc import Callable
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.bus.server import Server
 from softseam_protocol.errors import ProtocolError
-from softseam_protocol.messages.operations import Progress
+from softseam_protocol.messages.session import Progress
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import encode
 from softseam_services.lifeline import Lifeline

@@ -157,7 +157,7 @@ def steps(run: FemRun) -> dict[str, float]:
     stepper._advance = timed  # type: ignore[method-assign]
     factors, began = solver.factorisations, time.process_time()
     n_steps = 40 if len(run.region.nodes) < 1000 else 12
-    iterations = sum(run.step(CLOSE).iterations for _ in range(n_steps))
+    iterations = sum(run.step(CLOSE).extras["iterations"] for _ in range(n_steps))
     spent = time.process_time() - began
     return {
         "iterations": iterations / n_steps,

@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.table import Table
 from timing import least
 
+from softseam_protocol.messages.outcomes import Figure
 from softseam_protocol.messages.participant import Advance
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_services.body.materials import build_material
@@ -186,7 +187,7 @@ def small_body(console: Console) -> None:
         request, solver = run.request(), run.solver
         reply = solver.advance(request)
         allocations = _allocations(run, request, 22) - _allocations(run, request, 11)
-        name = f"{reply.n_contacts} points touch" if touching else "free"
+        name = f"{reply.figure(Figure.CONTACTS):.0f} points touch" if touching else "free"
         whole = least(functools.partial(solver.advance, request))
         inside = least(functools.partial(run.attempt, request))
         table.add_row(name, f"{1e6 * whole:.1f}", f"{1e6 * inside:.1f}", str(allocations))

@@ -210,7 +210,7 @@ def at_rest(element: ElementKind, counts: Counts) -> dict[str, float]:
         "unknowns": 3.0 * int((~run.body.fixed).sum()),
         "tip": float((run.x - run.body.x_rest)[tip, 2]),
         "seconds": best,
-        "iterations": reply.iterations,
+        "iterations": reply.extras["iterations"],
         "megabytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
 

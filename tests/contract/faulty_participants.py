@@ -219,6 +219,11 @@ def changed(kind: type, **change: Callable[[Any], Any]) -> Callable[[], Example]
     return lambda: Faulty(said=altered(kind, lambda r: replace(r, **{k: f(getattr(r, k)) for k, f in change.items()})))
 
 
+def coupled(**change: Callable[[Any], Any]) -> Callable[[], Example]:
+    """The same of what it says of its coupling nodes."""
+    return changed(Advanced, coupling=lambda r: replace(r, **{k: f(getattr(r, k)) for k, f in change.items()}))
+
+
 def _on_state(change: Callable[[Slot], None]) -> Callable[[Faulty, Any], Any]:
     """What a step of the example begins with is changed."""
 
@@ -243,9 +248,15 @@ def _yields_more() -> Example:
     """Tells that it yields more than it does, and corrects by what it told."""
 
     def said(_: Faulty, request: Any, reply: Any) -> Any:
-        return replace(reply, compliance=1.1 * reply.compliance) if isinstance(request, Advance) else reply
+        if not isinstance(request, Advance):
+            return reply
+        return replace(reply, coupling=replace(reply.coupling, compliance=1.1 * reply.coupling.compliance))
 
     return Faulty(lambda _, r: replace(r, push=1.1 * r.push) if isinstance(r, Correct) else r, said)
+
+
+def _moved(reply: Advanced) -> Advanced:
+    return replace(reply, coupling=replace(reply.coupling, x=reply.coupling.x + 1e-9))
 
 
 def _then(change: Callable[[Any], Any]) -> Callable[[], Example]:
@@ -262,7 +273,7 @@ def _then(change: Callable[[Any], Any]) -> Callable[[], Example]:
 NONE = np.zeros((0, 0))
 
 FAULTS: list[tuple[str, str, Callable[[], Example]]] = [
-    ("repeat", "the same bytes", changed(Advanced, slip=lambda _: float(np.random.default_rng().random()))),
+    ("repeat", "the same bytes", changed(Advanced, extras=lambda _: {"slip": float(np.random.default_rng().random())})),
     ("repeat", "Configured as before", changed(Configured, strain=lambda _: float(np.random.default_rng().random()))),
     ("redo", "the first answer to the first force", lambda: Faulty(_goes_on)),
     ("redo", "another answer to another force", lambda: Faulty(_on_state(_deaf))),
@@ -289,7 +300,7 @@ FAULTS: list[tuple[str, str, Callable[[], Example]]] = [
     ("energy", "kinetic energy of a part that flies", changed(Advanced, kinetic=lambda e: 0.9 * e)),
     ("energy", "gravity's energy", changed(Configured, gravity=lambda e: -e)),
     ("energy", "strain energy of a uniform stretch", changed(Configured, strain=lambda e: 2.0 * e)),
-    ("energy", "work of the coupling forces", changed(Advanced, coupling_work=lambda e: 0.0)),
+    ("energy", "work of the coupling forces", coupled(work=lambda e: 0.0)),
     ("energy", "energy of at most that work", changed(Advanced, strain=lambda e: e + 1e-3)),
     ("rigid_motion", "no strain energy", lambda: Faulty(_pulled)),
     ("uniform_stress", "a force of E strain area", lambda: Faulty(_lopsided)),
@@ -299,15 +310,15 @@ FAULTS: list[tuple[str, str, Callable[[], Example]]] = [
         "Capabilities.compliance: true",
         changed(Configured, capabilities=lambda able: replace(able, compliance=False)),
     ),
-    ("compliance_definite", "no negative eigenvalue", changed(Advanced, compliance=lambda H: -H)),
-    ("compliance_definite", "a symmetric compliance", changed(Advanced, compliance=np.triu)),
-    ("compliance_definite", "a compliance of shape (27, 27)", changed(Advanced, compliance=lambda _: NONE)),
-    ("compliance_predicts", "the move that the compliance foresees", changed(Advanced, compliance=lambda H: 1.2 * H)),
-    ("compliance_predicts", "a compliance of shape (27, 27)", changed(Advanced, compliance=lambda _: NONE)),
+    ("compliance_definite", "no negative eigenvalue", coupled(compliance=lambda H: -H)),
+    ("compliance_definite", "a symmetric compliance", coupled(compliance=np.triu)),
+    ("compliance_definite", "a compliance of shape (27, 27)", coupled(compliance=lambda _: NONE)),
+    ("compliance_predicts", "the move that the compliance foresees", coupled(compliance=lambda H: 1.2 * H)),
+    ("compliance_predicts", "a compliance of shape (27, 27)", coupled(compliance=lambda _: NONE)),
     ("correct", "the move that was foreseen", _push_of(lambda push: 1.1 * push)),
     ("correct", "what redoing the step gives", _yields_more),
-    ("correct", "a step that can be corrected", changed(Advanced, correctable=lambda _: False)),
-    ("correct", "Advanced.coupling_x of shape (9, 3)", changed(Advanced, coupling_x=lambda x: x[:1])),
-    ("correct_then", "the same bits as in two requests", _then(lambda r: replace(r, coupling_x=r.coupling_x + 1e-9))),
+    ("correct", "a step that can be corrected", coupled(correctable=lambda _: False)),
+    ("correct", "Coupled.x of shape (9, 3)", coupled(x=lambda x: x[:1])),
+    ("correct_then", "the same bits as in two requests", _then(_moved)),
     ("correct_then", "the header of Correct.then", _then(lambda r: replace(r, header=replace(r.header, step=7)))),
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,52 @@ def test_paths_exist(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     missing = [path for path in _PATH.findall(text) if "NAME" not in path and not any(ROOT.glob(path.rstrip("/")))]
     assert not missing
+
+
+@lru_cache
+def _words() -> set[str]:
+    """Every word of the sources, the scenes and the settings."""
+    folders = ("clients", "coupling", "protocol", "services", "tests", "docs", "deploy", "scenes")
+    files = (path for folder in folders for path in (ROOT / folder).rglob("*"))
+    texts = [path.read_text(encoding="utf-8") for path in files if path.suffix in (".py", ".yaml", ".json", ".sh")]
+    return set(re.findall(r"\w+", " ".join([*texts, (ROOT / "pyproject.toml").read_text(encoding="utf-8")])))
+
+
+NAMED = [page for page in DOCUMENTS if not re.match(r"CHANGELOG|docs/(results|reference)/", page)]
+"""pages written by hand about how things are now"""
+_NAME = re.compile(r"`([A-Za-z_][\w.]*)(?:\([^`]*\))?`")
+_FILE = re.compile(r"(?<![\w/.-])(\w[\w/-]*\.py)\b")
+_STAND_FOR_OTHERS = {"helpers", "my_extension", "MultiInputPolicy", "NAME.py", "springs.py"}
+"""names that a page has of what is the reader's own, is not to be, or is of another library"""
+
+
+@pytest.mark.parametrize("page", NAMED)
+def test_names_exist(page: str) -> None:
+    """A function, a class, a key, a field or a row of a table in backticks is a word of the code, and a file that is
+    named anywhere is there, whatever of its folders stands before it."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    prose = re.sub(r"```(?!text).*?```", "", text, flags=re.DOTALL)
+    names = [name for name in _NAME.findall(prose) if not re.search(r"\.(py|md|ya?ml|json|mcap|toml)$", name)]
+    words = _words()
+    missing = [name for name in names if not {*filter(None, name.split("."))} <= words]
+    missing += [name for name in _FILE.findall(prose) if not _is_there(name)]
+    assert {*missing} <= _STAND_FOR_OTHERS
+
+
+@lru_cache
+def _files() -> dict[str, list[Path]]:
+    """Those of Python's by their last names."""
+    found: dict[str, list[Path]] = {}
+    for folder in ("clients", "coupling", "docs", "protocol", "services", "tests"):
+        for path in (ROOT / folder).rglob("*.py"):
+            found.setdefault(path.name, []).append(path)
+    return found
+
+
+def _is_there(name: str) -> bool:
+    """Whether a file's path ends so."""
+    *_, last = name.split("/")
+    return last in _STAND_FOR_OTHERS or any(path.as_posix().endswith("/" + name) for path in _files().get(last, ()))
 
 
 def test_decisions_that_are_cited_exist() -> None:

@@ -45,10 +45,10 @@ class RobinNeumann:
         lambda_, parts = self.lambda_, self.parts
         for exchange in range(1, self.setup.exchanges + 1):
             replies = ask({self.b: PartRequest(parts[self.b].force(lambda_))})
-            target = self.offset - parts[self.b].to_rows(replies[self.b].coupling_x)
+            target = self.offset - parts[self.b].to_rows(replies[self.b].coupling.x)
             replies |= ask({self.a: PartRequest(lambda_, target=target, impedance=spring)})
-            gap = gap_of(parts, {name: reply.coupling_x for name, reply in replies.items()}, self.offset)
-            lambda_ = replies[self.a].coupling_force
+            gap = gap_of(parts, {name: reply.coupling.x for name, reply in replies.items()}, self.offset)
+            lambda_ = replies[self.a].coupling.force
             if largest(gap) <= self.setup.tolerance:
                 self.lambda_ = lambda_
                 return Outcome(replies, lambda_, largest(gap), 2 * exchange)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from element_statics import Floats, Statics, lattice
 
-from softseam_protocol.scene.kinds import ElementKind, MaterialKind
+from softseam_protocol.scene.kinds import ElementKind
 
 pytestmark = pytest.mark.kernels
 
 TIME, DT = 0.5, 0.01
-KINDS: list[tuple[MaterialKind, ElementKind]] = [
+KINDS: list[tuple[str, ElementKind]] = [
     ("neo_hookean", "hex27"),
     ("neo_hookean", "hex27_reduced"),
     ("corotated", "hex27"),
@@ -26,7 +26,7 @@ KINDS: list[tuple[MaterialKind, ElementKind]] = [
 OBJECTIVE = [pair for pair in KINDS if pair[0] != "linear"]
 
 
-def bodies(kind: MaterialKind, element: ElementKind, slant: float = 0.0) -> Statics:
+def bodies(kind: str, element: ElementKind, slant: float = 0.0) -> Statics:
     """Two cells, 3 by 3 by 6 cm, boxes or slanting."""
     shift = (lambda x: slant * x[:, [2, 0, 0]] * x[:, [0, 2, 1]] / 0.03) if slant else None
     body = lattice((0.03, 0.03, 0.06), (1, 1, 2), shift, kind=kind, poisson=0.4)
@@ -50,9 +50,7 @@ def moved(statics: Statics, size: float, seed: int) -> Floats:
 
 @pytest.mark.parametrize("slant", [0.0, 0.1])
 @pytest.mark.parametrize(("kind", "element"), KINDS)
-def test_small_strains_are_resisted_by_tau_times_stiffness(
-    kind: MaterialKind, element: ElementKind, slant: float
-) -> None:
+def test_small_strains_are_resisted_by_tau_times_stiffness(kind: str, element: ElementKind, slant: float) -> None:
     """c times the elastic forces, c = tau'/dt and tau' = tau - dt; what is left falls with the strain.
 
     Of the linear law nothing is left, nor of neo-Hooke's from rest.
@@ -69,7 +67,7 @@ def test_small_strains_are_resisted_by_tau_times_stiffness(
 
 
 @pytest.mark.parametrize(("kind", "element"), OBJECTIVE)
-def test_a_turn_of_a_squeezed_body_is_free(kind: MaterialKind, element: ElementKind) -> None:
+def test_a_turn_of_a_squeezed_body_is_free(kind: str, element: ElementKind) -> None:
     """By 1 rad in a step, and a shift: no force; and none without a motion."""
     statics = bodies(kind, element)
     x0 = squeezed(statics)
@@ -84,7 +82,7 @@ def test_a_turn_of_a_squeezed_body_is_free(kind: MaterialKind, element: ElementK
 
 @pytest.mark.parametrize(("kind", "element"), KINDS)
 @pytest.mark.parametrize("size", [1e-3, 0.1, 0.3])
-def test_every_motion_loses_and_momenta_balance(kind: MaterialKind, element: ElementKind, size: float) -> None:
+def test_every_motion_loses_and_momenta_balance(kind: str, element: ElementKind, size: float) -> None:
     """From a squeezed and uneven state: power below zero, no sum of forces, no moment about the origin."""
     statics = bodies(kind, element)
     x0 = squeezed(statics)
@@ -99,9 +97,7 @@ def test_every_motion_loses_and_momenta_balance(kind: MaterialKind, element: Ele
 
 
 @pytest.mark.parametrize(("kind", "element"), KINDS)
-def test_the_stiffness_is_the_forces_derivative_and_can_be_made_definite(
-    kind: MaterialKind, element: ElementKind
-) -> None:
+def test_the_stiffness_is_the_forces_derivative_and_can_be_made_definite(kind: str, element: ElementKind) -> None:
     """By central differences of a random direction; the definite one has no negative eigenvalue, and is close by."""
     statics = bodies(kind, element)
     x0 = squeezed(statics)
@@ -121,9 +117,7 @@ def test_the_stiffness_is_the_forces_derivative_and_can_be_made_definite(
 
 @pytest.mark.parametrize(("kind", "element"), KINDS)
 @pytest.mark.parametrize("flat", [-1.0, -0.1, 0.0, 0.1])
-def test_a_step_that_begins_flat_or_mirrored_is_not_pulled(
-    kind: MaterialKind, element: ElementKind, flat: float
-) -> None:
+def test_a_step_that_begins_flat_or_mirrored_is_not_pulled(kind: str, element: ElementKind, flat: float) -> None:
     """One of two cells uneven, at a tenth of its height or none, or turned over: no force without a motion."""
     statics = bodies(kind, element)
     c, z = statics.start(statics.x_rest, DT), statics.x_rest[:, 2]
@@ -157,7 +151,7 @@ def test_the_stiffness_is_exact_beside_a_point_that_begins_flat() -> None:
 
 
 @pytest.mark.parametrize(("kind", "element"), OBJECTIVE)
-def test_stretch_at_a_constant_rate(kind: MaterialKind, element: ElementKind) -> None:
+def test_stretch_at_a_constant_rate(kind: str, element: ElementKind) -> None:
     """Laterally held at 60 %, squeezed on at 3 1/s: tau (2 mu + lambda) v/l^2 of the area, with the order of the step.
 
     Each step gives c (mu (r - 1/r) + lambda ln(r)/r)/l0, with r = l1/l0, exactly.

@@ -56,7 +56,6 @@ def check(near: Side, far: Side, merged: HandOver) -> None:
     assert_allclose(after[1], before[1], atol=1e-12 * before[0] * size)
     assert_allclose(after[2], before[2], atol=1e-12 * before[0] * speed)
     assert_allclose(after[3], before[3], atol=1e-10 * before[0] * speed * size)
-    assert_allclose(after[4] - before[4], merged.kinetic_change, atol=1e-11 * before[4])
 
 
 @given(
@@ -70,7 +69,6 @@ def check(near: Side, far: Side, merged: HandOver) -> None:
 def test_invariants(seed: int, n_nodes: int, share: float, gap: float, jump: float) -> None:
     near, far = two_sides(seed, n_nodes, 1 + int(share * (n_nodes - 1)), 10.0**gap, 10.0**jump)
     merged = merge_sides(near, far, n_nodes)
-    assert merged.repaired
     check(near, far, merged)
 
 
@@ -78,7 +76,6 @@ def test_the_repair_is_what_keeps_angular_momentum() -> None:
     """Without it the means alone lose D = sum mu gap x jump: the check above has teeth."""
     near, far = two_sides(4, 20, 8, 0.3, 3.0)
     merged = merge_sides(near, far, 20)
-    assert merged.angular_defect > 1e-9
     v = np.empty((20, 3))
     v[near.nodes], v[far.nodes] = near.v, far.v
     shared, a, b = np.intersect1d(near.nodes, far.nodes, return_indices=True)
@@ -86,7 +83,7 @@ def test_the_repair_is_what_keeps_angular_momentum() -> None:
     v[shared] = (m_a * near.v[a] + m_b * far.v[b]) / (m_a + m_b)
     before = totals((near.mass, near.x, near.v), (far.mass, far.x, far.v))
     plain = totals((merged.mass, merged.x, v))
-    assert_allclose(np.linalg.norm(plain[3] - before[3]), merged.angular_defect, rtol=1e-6)  # L itself is 1e8 larger
+    assert np.linalg.norm(plain[3] - before[3]) > 1e-9
     # least kinetic norm: any other change with the same P and L differs by one with sum m dv = 0, sum m x cross dv = 0,
     # to which the repair is orthogonal
     change = (merged.v - v)[shared]
@@ -106,7 +103,6 @@ def test_the_repair_is_what_keeps_angular_momentum() -> None:
 def test_one_or_two_merged_nodes_borrow_the_rest_of_the_body(n_shared: int) -> None:
     near, far = two_sides(7, 12, n_shared, 1e-3, 1e-1)
     merged = merge_sides(near, far, 12)
-    assert merged.repaired
     check(near, far, merged)
 
 
@@ -115,7 +111,7 @@ def test_sides_that_agree_are_copied_bit_for_bit() -> None:
     merged = merge_sides(near, far, 30)
     assert_array_equal(merged.x[near.nodes], near.x)
     assert_array_equal(merged.v[far.nodes], far.v)
-    assert merged.gap == merged.kinetic_change == merged.angular_defect == 0.0
+    assert merged.gap == 0.0
 
 
 def test_merging_takes_the_energy_of_the_jump() -> None:
@@ -126,7 +122,7 @@ def test_merging_takes_the_energy_of_the_jump() -> None:
     far = Side(node, np.array([3.0]), x, np.array([[-1.0, 0.0, 0.0]]))
     merged = merge_sides(near, far, 1)
     assert_allclose(merged.v, [[-0.5, 0.0, 0.0]])
-    assert_allclose(merged.kinetic_change, -1.5)
+    assert_allclose(0.5 * 4.0 * (merged.v**2).sum() - 0.5 * (1.0 + 3.0), -1.5)
 
 
 def test_clamped_nodes_stay() -> None:
@@ -137,7 +133,6 @@ def test_clamped_nodes_stay() -> None:
     held = merge_sides(near, far, 15, fixed)
     check(near, far, held)
     plain = merge_sides(near, far, 15, np.ones(15, dtype=np.bool_))
-    assert not plain.repaired  # nobody is free to carry the repair
     assert_array_equal(held.v[fixed], plain.v[fixed])
     assert not np.array_equal(free.v[fixed], plain.v[fixed])
 

@@ -57,7 +57,7 @@ def test_who_writes_two_methods_claims_nothing_and_tells_the_rest() -> None:
     assert isinstance(reply, Configured)
     assert reply.capabilities == Capabilities(False, False, False, 1, False, False, 0.0)
     step = taken(one, 0)
-    assert step.coupling_work > 0.0 and step.kinetic > 0.0 and not step.correctable
+    assert step.coupling.work > 0.0 and step.kinetic > 0.0 and not step.coupling.correctable
     fields = seen(one)
     np.testing.assert_allclose(fields.point_x[0], fields.x[0], atol=1e-12)  # the first corner
     assert fields.cauchy.shape == (2, 8, 6)
@@ -69,11 +69,11 @@ def test_who_writes_a_response_corrects_by_it() -> None:
     assert isinstance(reply, Configured) and reply.capabilities is not None
     assert reply.capabilities.compliance and reply.capabilities.corrects
     first = ask(one, advance(header(), 0.0 * PUSH, compliance=True))
-    assert isinstance(first, Advanced) and first.correctable and first.compliance.shape == (27, 27)
+    assert isinstance(first, Advanced) and first.coupling.correctable and first.coupling.compliance.shape == (27, 27)
     moved = ask(one, correct(header(0, 1)))
     redone = taken(one, 0, 2)
     assert isinstance(moved, Advanced)
-    np.testing.assert_allclose(moved.coupling_x, redone.coupling_x, atol=1e-15)  # springs are linear
+    np.testing.assert_allclose(moved.coupling.x, redone.coupling.x, atol=1e-15)  # springs are linear
 
 
 def test_what_is_not_claimed_is_refused_with_the_remedy() -> None:
@@ -91,15 +91,15 @@ def test_no_response_is_told_for_steps_of_another_length() -> None:
     one = begun(Answering, 0)
     ask(one, advance(header(), compliance=True))
     other = ask(one, advance(header(0, 1), dt=0.5 * STEP))
-    assert isinstance(other, Advanced) and not other.correctable
+    assert isinstance(other, Advanced) and not other.coupling.correctable
     assert "of its length" in refused(one, correct(header(0, 2)))[1]
 
 
 def test_a_step_that_touches_is_redone_in_place_of_corrected() -> None:
     """How the wrench on a tool changes, a linear answer does not know."""
-    one = begun(upset(lambda state: replace(state, advanced={"n_contacts": 1})), 0)
+    one = begun(upset(lambda state: replace(state, advanced={"extras": {"n_contacts": 1.0}})), 0)
     reply = ask(one, advance(header(), TOO_MUCH, compliance=True))
-    assert isinstance(reply, Advanced) and reply.n_contacts == 1 and not reply.correctable
+    assert isinstance(reply, Advanced) and reply.extras["n_contacts"] == 1 and not reply.coupling.correctable
     assert "redo it" in refused(one, correct(header(0, 1)))[1]
 
 

@@ -93,7 +93,7 @@ def test_a_step_that_fails_says_so_and_is_redone_from_the_committed_state(
     reply = ask(one, advance(header(1, 1), TOO_MUCH))
     assert isinstance(reply, Advanced) and reply.status is status and why in reply.why, reply
     encode(reply)
-    assert not reply.correctable and same(seen(one), before), "also the exchange before is taken back"
+    assert not reply.coupling.correctable and same(seen(one), before), "also the exchange before is taken back"
     assert "cannot be corrected" in refused(one, correct(header(1, 2)))[1]
     assert same(taken(one, 1, 2), taken(begun(steps=1), 1, 2))
     ask(one, Commit(header(1, 3)))
@@ -153,10 +153,10 @@ def test_what_a_step_says_beside_positions_is_passed_on() -> None:
     """The work of a tool, the force on a point; NaN among them never leaves the process."""
     force = np.zeros((42, 3))
     force[3, 2] = 5.0
-    more = {"tool_work": 2.0, "n_contacts": 1}
+    more = {"tool_work": 2.0, "extras": {"n_contacts": 1.0}}
     one = begun(upset(lambda state: replace(state, advanced=more, fields={"contact_force": force})), 0)
     reply = taken(one, 0, 0, TOO_MUCH)
-    assert (reply.tool_work, reply.n_contacts) == (2.0, 1)
+    assert (reply.tool_work, reply.extras["n_contacts"]) == (2.0, 1)
     np.testing.assert_array_equal(seen(one).contact_force, force)
     nan = {"tool_work": float("nan")}, {"contact_force": np.nan * force}
     bad = begun(upset(lambda state: replace(state, advanced=nan[0])), 1)

@@ -113,7 +113,7 @@ def test_a_restored_part_corrects_by_what_was_told_before() -> None:
     assert isinstance(taken_of, SnapshotTaken)
     ask(other, Restore(header(1), taken_of.state))
     for each in (one, other):
-        assert taken(each, 1).correctable
+        assert taken(each, 1).coupling.correctable
     assert same(ask(one, correct(header(1, 1))), ask(other, correct(header(1, 1))))
 
 

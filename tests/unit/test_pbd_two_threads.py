@@ -67,7 +67,7 @@ def test_two_threads_damp_and_stop_as_one(residual: float | None, request: pytes
         scene = block_scene((0.1, 0.075, 0.125), 0.025, pbd=pbd)
         rest = PbdRun(scene).body.x_rest
         run = PbdRun(scene, x=rest + 0.3 * rest[:, [1, 2, 0]])
-        return run, [run.step().iterations for _ in range(6)]
+        return run, [int(run.step().extras["iterations"]) for _ in range(6)]
 
     one, sweeps = swing()
     request.getfixturevalue("two")
@@ -162,7 +162,7 @@ def test_a_probe_that_two_threads_share_finds_the_bits_of_one(monkeypatch: pytes
         for _ in range(4):
             run.step()
         blocked = two_threads._second().submit(free.wait, 60.0) if held_up else None
-        told = run.solver.advance(run.request(compliance=True)).compliance
+        told = run.solver.advance(run.request(compliance=True)).coupling.compliance
         assert len(run.solver._probe._benches) == (2 if threads == 2 and longer == 1 else 1)  # type: ignore[union-attr]
         assert blocked is None or not blocked.done()
         free.set()

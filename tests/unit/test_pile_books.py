@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from softseam_coupling.ledger import Energies, EnergyLedger, LedgerState
 from softseam_coupling.ledgers import Ledgers
-from softseam_protocol.participant.pile_state import join_states, split_states
+from softseam_protocol.participant.state import join_states, split_states
 from softseam_protocol.scene.file import bundle_scene
 from softseam_services.orchestrator.pile import piles_of
 from softseam_services.orchestrator.step_losses import StepLosses

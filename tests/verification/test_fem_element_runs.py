@@ -100,10 +100,10 @@ def test_cells_pass_to_full_quadrature_one_by_one_and_back() -> None:
     back = {name: (-vx, 0.0, 0.0) for name, (vx, _, _) in CLOSE.items()}
     for _ in range(145):
         run.step(back, dt=0.005)
-    assert 0 < reply.n_blended <= 8
+    assert 0 < reply.extras["n_blended"] <= 8
     for _ in range(30):  # shares fall by FOLLOWS of what is left, to _NEAR
         reply = run.step(back, dt=0.005)
-    assert reply.n_blended == 0
+    assert reply.extras["n_blended"] == 0
 
 
 @pytest.mark.parametrize(("before", "after"), [(-1.0, 1.0), (0.0, 0.3), (0.5, 0.65), (1.0, 1.0)])
@@ -129,14 +129,14 @@ def test_shares_survive_a_snapshot() -> None:
     run = FemRun(block(gravity=(0.0, 0.0, 0.0), tools=tools))
     for _ in range(32):
         reply = run.step(CLOSE, dt=0.02)
-    assert 0 < reply.n_blended and 0.0 < run.solver.state.share.mean() < 1.0 and reply.passing > 0.0
+    assert 0 < reply.extras["n_blended"] and 0.0 < run.solver.state.share.mean() < 1.0 and reply.extras["passing"] > 0.0
     state = run.solver.snapshot()
     ends = []
     for again in (False, True):
         if again:
             run.solver.restore(state)
         replies = [run.step({}, dt=0.02) for _ in range(3)]
-        ends.append((run.x.tobytes(), [reply.passing for reply in replies]))
+        ends.append((run.x.tobytes(), [reply.extras["passing"] for reply in replies]))
     assert ends[0] == ends[1] and ends[0][1][0] > 0.0
 
 

@@ -238,7 +238,7 @@ def test_a_great_load_is_raised_in_parts(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr("softseam_services.fem.step._CAREFUL_ITERATIONS", 5)
     fem = scene.models.fem.model_copy(update={"iterations": 20})
     hasty = FemRun(scene.model_copy(update={"models": scene.models.model_copy(update={"fem": fem})}))
-    assert hasty.step().iterations > 2 * patient.iterations
+    assert hasty.step().extras["iterations"] > 2 * patient.extras["iterations"]
     assert tip_of(hasty) == pytest.approx(tip_of(run), abs=1e-7)
     assert tip_of(run) < -0.18
     hasty.solver.restore(run.solver.snapshot())
@@ -305,14 +305,14 @@ def test_midpoint_beside_pbd_gains_nothing_and_loses_less() -> None:
 
 @pytest.mark.parametrize("kind", ["implicit_euler", "midpoint"])
 def test_compliance_is_the_derivative_of_the_end(kind: IntegratorKind) -> None:
-    """d(coupling_x)/d(coupling_force) against central differences, in a body that moves and is bent."""
+    """d(coupling.x)/d(coupling_force) against central differences, in a body that moves and is bent."""
 
     def at(force: NDArray[np.float64], compliance: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         scene = with_integrator(block(cell=0.05, poisson=0.3, body=CLAMPED), kind, 0.7 if kind == "midpoint" else None)
         run = FemRun(scene, seam=lambda body, cells: np.flatnonzero(body.x_rest[:, 2] > 0.049).astype(np.int32))
         run.run(0.02, dt=0.005, force=np.tile([0.05, 0.0, -0.02], (9, 1)))
         reply = run.solver.advance(run.request(dt=0.005, force=force, compliance=compliance))
-        return reply.coupling_x, reply.compliance
+        return reply.coupling.x, reply.coupling.compliance
 
     rest = np.tile([0.05, 0.0, -0.02], (9, 1))
     inverse = at(rest, True)[1]

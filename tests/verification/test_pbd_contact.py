@@ -24,8 +24,8 @@ def test_a_block_comes_to_rest_on_the_ground() -> None:
     top = run.body.x_rest[:, 2].max()
     sag = np.mean(run.body.x_rest[:, 2][run.body.x_rest[:, 2] == top] - run.x[run.body.x_rest[:, 2] == top, 2])
     assert abs(sag - 0.634e-3) < 0.06 * 0.634e-3
-    assert max(reply.penetration for reply in replies) < 1e-12
-    assert last.n_contacts == 25
+    assert max(reply.extras["penetration"] for reply in replies) < 1e-12
+    assert last.extras["n_contacts"] == 25
 
 
 def test_contact_impulse_is_the_momentum_change() -> None:
@@ -39,7 +39,7 @@ def test_contact_impulse_is_the_momentum_change() -> None:
         impulse = 0.005 * (-after.wrench[0, :3] + mass * np.array([0.0, 0.0, -9.81]))
         np.testing.assert_allclose(after.momentum - before.momentum, impulse, atol=1e-11)
         np.testing.assert_allclose(run.fields().contact_force.sum(axis=0), -after.wrench[0, :3], atol=1e-12)
-        touched += after.n_contacts > 0
+        touched += after.extras["n_contacts"] > 0
         before = after
     assert touched > 10
 
@@ -57,7 +57,7 @@ def test_incline(slope: float, sticks: bool) -> None:
     moved = (run.region.mass @ (late.x - early.x)) / run.region.mass.sum()
     if sticks:
         assert np.abs(moved).max() < 2e-5
-        assert late_run[-1].n_contacts > 0
+        assert late_run[-1].extras["n_contacts"] > 0
     else:
         mean = (run.region.mass @ early.v) / run.region.mass.sum()
         acceleration = 9.81 * (np.sin(angle) - 0.6 * np.cos(angle))
@@ -74,10 +74,10 @@ def test_a_drop_does_not_penetrate() -> None:
     run = PbdRun(scene)
     total = [reply.kinetic + reply.strain + reply.gravity for reply in run.run(0.135)]
     impact = run.run(0.4)
-    assert max(reply.penetration for reply in impact) < 1e-9
-    assert max(reply.n_contacts for reply in impact) >= 25
+    assert max(reply.extras["penetration"] for reply in impact) < 1e-9
+    assert max(reply.extras["n_contacts"] for reply in impact) >= 25
     energy = [reply.kinetic + reply.strain + reply.gravity for reply in impact]
-    hit = next(n for n, reply in enumerate(impact) if reply.n_contacts > 0)
+    hit = next(n for n, reply in enumerate(impact) if reply.extras["n_contacts"] > 0)
     drop = run.region.mass.sum() * 9.81 * 0.10
     assert max(energy) < total[0] + 0.25 * drop
     assert max(energy[hit + 2 :]) < total[0]
@@ -130,7 +130,7 @@ def test_friction_carries_a_body_with_the_tool() -> None:
     last = run.run(1.0)[-1]
     moved = run.region.mass @ run.x / run.region.mass.sum() - start
     np.testing.assert_allclose(moved, [0.0, 0.01, 0.0], atol=5e-5)
-    assert last.slip < 2e-4
+    assert last.extras["slip"] < 2e-4
     tool = run.fields().contact_tool
     assert {0, 1} <= set(tool.tolist())
 
@@ -140,7 +140,7 @@ def test_a_body_handed_over_inside_a_tool_comes_out_gently() -> None:
     scene = block_scene(position=(0.0, 0.0, -1e-4), tools={"ground": GROUND})
     run = PbdRun(scene)
     replies = [run.step() for _ in range(40)]
-    depth = np.array([reply.penetration for reply in replies])
+    depth = np.array([reply.extras["penetration"] for reply in replies])
     assert depth[0] < 1e-4
     assert np.all(np.diff(depth) <= 1e-9)
     assert depth[10] < 2e-6
@@ -173,9 +173,9 @@ def test_an_embedded_ball_rests_on_the_ground() -> None:
     weight = run.region.mass.sum() * 9.81
     force = np.mean([reply.wrench[0, 2] for reply in replies[-100:]])
     np.testing.assert_allclose(force, -weight, rtol=0.01)
-    assert 1e-5 < max(reply.penetration for reply in replies[-100:]) < 2e-4
+    assert 1e-5 < max(reply.extras["penetration"] for reply in replies[-100:]) < 2e-4
     assert replies[-1].kinetic < 1e-6 * weight * 0.02
-    assert replies[-1].n_contacts >= 3
+    assert replies[-1].extras["n_contacts"] >= 3
 
 
 def _squeeze(cell: float) -> tuple[dict[str, float], list[Advanced]]:
@@ -202,7 +202,7 @@ def _squeeze(cell: float) -> tuple[dict[str, float], list[Advanced]]:
     run.velocity[:] = 0.0
     replies += run.run(0.3)
     force["hold"] = float(replies[-1].wrench[2, 0] - replies[-1].wrench[1, 0]) / 2
-    force["hold penetration"] = replies[-1].penetration
+    force["hold penetration"] = replies[-1].extras["penetration"]
     run.velocity[1:, 2] = 0.05
     replies += run.run(1.0)
     run.velocity[:] = 0.0
@@ -223,6 +223,6 @@ def test_tofu_squeeze_and_lift(cell: float, limit: float) -> None:
     for name, value in reference.items():
         assert abs(force[name] - value) < limit * value, (name, force[name])
     assert force["hold penetration"] < 1e-6
-    assert max(reply.penetration for reply in replies) < 1e-4
+    assert max(reply.extras["penetration"] for reply in replies) < 1e-4
     # Lifted: the plates carry the weight, nothing touches the ground.
     np.testing.assert_allclose(replies[-1].wrench[0], 0.0, atol=1e-12)

@@ -108,7 +108,7 @@ def _kicked(body: tuple[Vector, float | Vector, float, bool], kind: str, sweeps:
     planned = sweeps * max(1, round(50 * share))
     energy = [reply.kinetic + reply.strain for reply in replies]
     return [
-        "retried" if reply.iterations > planned else "plain" if after < 1.05 * before else "rising"
+        "retried" if reply.extras["iterations"] > planned else "plain" if after < 1.05 * before else "rising"
         for reply, before, after in zip(replies[1:], energy, energy[1:], strict=False)
     ]
 

@@ -173,7 +173,7 @@ def half(friction: float, **keys: Any) -> PbdRun:
 
 def probed(run: PbdRun) -> tuple[Floats, Floats]:
     """Every seventh column of the seam's compliance, and the same by central differences of the step [m/N]."""
-    compliance = run.solver.advance(run.request(compliance=True)).compliance
+    compliance = run.solver.advance(run.request(compliance=True)).coupling.compliance
     columns = np.arange(0, len(compliance), 7)
     difference = np.empty((len(compliance), len(columns)))
     for at, column in enumerate(columns):
@@ -181,7 +181,7 @@ def probed(run: PbdRun) -> tuple[Floats, Floats]:
         for sign in (1.0, -1.0):
             force = np.zeros(len(compliance))
             force[column] = sign * 1e-6
-            ends.append(run.solver.advance(run.request(force.reshape(-1, 3))).coupling_x.ravel())
+            ends.append(run.solver.advance(run.request(force.reshape(-1, 3))).coupling.x.ravel())
         difference[:, at] = (ends[0] - ends[1]) / 2e-6
     return compliance[:, columns], difference
 

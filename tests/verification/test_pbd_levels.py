@@ -208,7 +208,7 @@ def test_a_seam_to_quadratic_cells_passes_the_patch_test(kind: str, far: str) ->
     ours = run.solver.model
     assert ours.levels.hangs[run.region.seam].any()
     given = Energy(run).force(x[run.region.nodes])[ours.seam]
-    wanted = ours.seam_force(tie.far_force(near))
+    wanted = ours.seam_force(-tie.p.T @ near)
     np.testing.assert_allclose(tie.gap(x[sides.seam], x[sides.seam]), 0.0, atol=1e-14)
     np.testing.assert_allclose(given, wanted, atol=1e-10 * np.abs(near).max())
     np.testing.assert_allclose(given.sum(axis=0), -near.sum(axis=0), atol=1e-10 * np.abs(near).max())
@@ -226,11 +226,11 @@ def seam_run(coarse: dict[str, Any]) -> PbdRun:
 def test_the_compliance_of_a_seam_that_hangs_is_what_a_step_does(boxes: dict[str, Any], worker: int) -> None:
     """25 nodes follow 9, or 16, which are the worker. A step is settled as it would be solved."""
     run = seam_run(boxes)
-    h = run.solver.advance(run.request(compliance=True)).compliance
+    h = run.solver.advance(run.request(compliance=True)).coupling.compliance
     assert np.linalg.matrix_rank(h, tol=1e-8 * np.abs(h).max()) == worker == 3 * len(run.solver.model.seam)
     force = 1e-3 * np.random.default_rng(0).standard_normal((25, 3))
-    rest = run.solver.advance(run.request(exchange=1)).coupling_x
-    pushed = run.solver.advance(run.request(force, exchange=2)).coupling_x
+    rest = run.solver.advance(run.request(exchange=1)).coupling.x
+    pushed = run.solver.advance(run.request(force, exchange=2)).coupling.x
     moved = (pushed - rest).ravel()
     np.testing.assert_allclose(h @ force.ravel(), moved, atol=3e-3 * np.abs(moved).max())
     run.solver.advance(run.request(exchange=3))

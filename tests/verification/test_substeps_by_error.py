@@ -44,10 +44,10 @@ def test_the_estimate_is_the_error(kind: IntegratorKind, radius: float | None) -
     dt = 2e-4
     run = swinging(kind, 1.0, radius)
     reply = run.step(dt=dt)
-    assert (reply.n_substeps, reply.n_rejected) == (2, 0)
+    assert (reply.extras["n_substeps"], reply.extras["n_rejected"]) == (2, 0)
     exact = kicked("midpoint")
     exact.run(dt, dt=dt / 400)
-    assert np.abs(run.x - exact.x).max() == pytest.approx(reply.step_error, rel=0.2)
+    assert np.abs(run.x - exact.x).max() == pytest.approx(reply.extras["step_error"], rel=0.2)
 
 
 @pytest.mark.parametrize(("kind", "order"), [("implicit_euler", 1), ("midpoint", 2), ("bdf2", 2)])
@@ -63,7 +63,7 @@ def test_the_error_follows_the_bound(kind: IntegratorKind, order: int) -> None:
     for bound in bounds:
         run = swinging(kind, bound)
         replies = run.run(0.02, dt=0.01)
-        assert max(reply.step_error for reply in replies) <= bound * EDGE
+        assert max(reply.extras["step_error"] for reply in replies) <= bound * EDGE
         errors.append(np.abs(run.x - exact.x).max())
     slope = np.polyfit(np.log(bounds), np.log(errors), 1)[0]
     assert slope == pytest.approx(order / (order + 1), abs=0.15)
@@ -89,8 +89,8 @@ def test_a_first_touch_is_cut_and_quiet_flight_is_not() -> None:
         energy = [reply.kinetic + reply.strain + reply.gravity for reply in replies]
         assert (np.diff(energy) < 1e-9).all()
         errors.append(np.abs(run.x - exact.x).max())
-        taken.append([reply.n_substeps for reply in replies])
-        rejected.append([reply.n_rejected for reply in replies])
+        taken.append([reply.extras["n_substeps"] for reply in replies])
+        rejected.append([reply.extras["n_rejected"] for reply in replies])
     assert max(taken[1][:3]) == 2
     assert max(taken[1][3:6]) >= 16
     assert rejected[1][0] == 0 < sum(rejected[1][3:6])
@@ -102,9 +102,9 @@ def test_a_bound_that_cannot_be_kept_ends_at_the_deepest_level() -> None:
     """Pieces of 2^-DEEPEST of the step are taken whatever their error, and the reply tells it."""
     run = swinging("implicit_euler", 1e-8)
     reply = run.step(dt=0.05)
-    assert reply.n_substeps == 2 << DEEPEST
-    assert reply.n_rejected == DEEPEST
-    assert reply.step_error > 1e-8 * EDGE
+    assert reply.extras["n_substeps"] == 2 << DEEPEST
+    assert reply.extras["n_rejected"] == DEEPEST
+    assert reply.extras["step_error"] > 1e-8 * EDGE
 
 
 def arrays(run: FemRun) -> tuple[NDArray[np.float64], ...]:

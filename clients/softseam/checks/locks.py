@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from softseam.to_check import Written
-from softseam_protocol.scene.locking import locking
+from softseam_protocol.scene.consistency import locking
 
 
 def look(seen: Written) -> Iterator[str]:

@@ -24,8 +24,8 @@ from softseam_protocol.messages.session import Frame
 from softseam_protocol.models import NEAR_DEFAULT, REFERENCE, ModelKind
 from softseam_protocol.nearest_axes import nearest_axes
 from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape
+from softseam_protocol.scene.consistency import implied_model
 from softseam_protocol.scene.file import SceneError
-from softseam_protocol.scene.implied import implied_model
 from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]

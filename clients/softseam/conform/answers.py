@@ -13,8 +13,8 @@ correction may be off by, which FEM is by 0.0005, to second order, and XPBD by 0
 
 def _told(part: ExaminedPart, reply: Advanced, before: Floats | None = None) -> Floats:
     """The compliance that a reply reports, in either form, or what was reported before. Raises Unmet."""
-    root, n = reply.coupling_compliance_root, 3 * len(part.coupling)
-    H = root @ root.T if root.size else reply.compliance
+    root, n = reply.coupling.root, 3 * len(part.coupling)
+    H = root @ root.T if root.size else reply.coupling.compliance
     if before is not None and not H.size:
         return before
     expect(H.shape == (n, n), f"a compliance of shape ({n}, {n}), as was asked for", H.shape)
@@ -38,7 +38,7 @@ def predicts(service: Service) -> None:
     """The compliance says how far a small force moves the coupling nodes in a step, to 5 %."""
     part, force = ExaminedPart(service), some_force()
     still = part.advance(0, 0, None, compliance=True)
-    went = part.advance(0, 1, force).coupling_x - still.coupling_x
+    went = part.advance(0, 1, force).coupling.x - still.coupling.x
     foreseen = (_told(part, still) @ force.ravel()).reshape(-1, 3)
     near("the move that the compliance foresees", foreseen, went, 0.05 * float(np.abs(went).max()))
 
@@ -52,14 +52,14 @@ def corrects(service: Service) -> None:
     for step in range(4):
         pull = some_force(2e-2 if step else 2e-3, 1)
         reply = part.advance(step, 0, pull, compliance=step == 0)
-        expect(reply.correctable, "a step that can be corrected, as declared", "correctable: false")
+        expect(reply.coupling.correctable, "a step that can be corrected, as declared", "correctable: false")
         H = _told(part, reply, H if step else None)
-        moved = part.correct(step, 1, push, pull + push).coupling_x - reply.coupling_x
+        moved = part.correct(step, 1, push, pull + push).coupling.x - reply.coupling.x
         size = float(np.abs(moved).max())
         near("the move that was foreseen", moved, (H @ push.ravel()).reshape(-1, 3), 1e-9 + _TOLD * size)
         expect(size > 0.0, "a move", "none")
         if step == 0:
-            redone = part.advance(step, 2, pull + push).coupling_x - reply.coupling_x
+            redone = part.advance(step, 2, pull + push).coupling.x - reply.coupling.x
             near("what redoing the step gives", moved, redone, _CORRECTED * size)
 
 
@@ -76,7 +76,7 @@ def goes_on(service: Service) -> None:
         corrected = part.correct(0, 1, push, push, then if together else None)
         went = corrected.then or part.advance(1, 0, some_force(2e-3, 2))
         expect(went.header == then.header, "Advanced.then with the header of Correct.then", went.header)
-        ends.append((corrected.coupling_x, went.coupling_x, part.advance(2, 0).coupling_x))
+        ends.append((corrected.coupling.x, went.coupling.x, part.advance(2, 0).coupling.x))
         service.release()
     for one, other in zip(*ends, strict=True):
         expect(np.array_equal(one, other), "the same bits as in two requests", f"{np.abs(one - other).max():.3g} m off")

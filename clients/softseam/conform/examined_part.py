@@ -205,7 +205,7 @@ class ExaminedPart:
         reply = self.service.ask(request, Advanced)
         expect(reply.status is Status.CONVERGED, "a step that converges", f"{reply.status}: {reply.why}")
         wanted = (len(self.coupling), 3)
-        expect(reply.coupling_x.shape == wanted, f"Advanced.coupling_x of shape {wanted}", reply.coupling_x.shape)
+        expect(reply.coupling.x.shape == wanted, f"Coupled.x of shape {wanted}", reply.coupling.x.shape)
         return reply
 
     def commit(self, step: int) -> None:

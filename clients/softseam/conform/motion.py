@@ -68,8 +68,8 @@ def energy(service: Service) -> None:
     part = ExaminedPart(service)
     force = some_force()
     reply = part.advance(0, 0, force)
-    work = float((force * (reply.coupling_x - REST[part.coupling])).sum())
-    near("work of the coupling forces", reply.coupling_work, work, 1e-3 * work)
+    work = float((force * (reply.coupling.x - REST[part.coupling])).sum())
+    near("work of the coupling forces", reply.coupling.work, work, 1e-3 * work)
     found = reply.kinetic + reply.strain
     expect(
         0.0 < found <= 1.01 * work, f"kinetic and strain energy of at most that work, {work:.3g} J", f"{found:.3g} J"
@@ -88,7 +88,7 @@ def rigid(service: Service) -> None:
         f"{part.configured.strain:.3g} J",
     )
     reply = part.advance(0)
-    near("coupling nodes that stay where they are", reply.coupling_x, x[part.coupling], 1e-4 * angle * EDGE)
+    near("coupling nodes that stay where they are", reply.coupling.x, x[part.coupling], 1e-4 * angle * EDGE)
 
 
 def uniform(service: Service) -> None:
@@ -96,16 +96,16 @@ def uniform(service: Service) -> None:
     stretch = 1e-3
     x = REST * (1.0 + stretch * np.array([1.0, -POISSON, -POISSON]))
     part = ExaminedPart(service, x=x, coupling=ENDS)
-    free = part.advance(0).coupling_x
+    free = part.advance(0).coupling.x
     n, push = 3 * len(ENDS), 1e-4
     moves = np.empty((n, n))
     for i in range(n):
         force = np.zeros(n)
         force[i] = push
-        moves[:, i] = (part.advance(0, 1 + i, force.reshape(-1, 3)).coupling_x - free).ravel() / push
+        moves[:, i] = (part.advance(0, 1 + i, force.reshape(-1, 3)).coupling.x - free).ravel() / push
     held = np.linalg.lstsq(moves, (x[ENDS] - free).ravel(), rcond=None)[0].reshape(-1, 3)
     reply = part.advance(0, 1 + n, held)
-    near("ends that are held", reply.coupling_x, x[ENDS], 0.01 * stretch * EDGE)
+    near("ends that are held", reply.coupling.x, x[ENDS], 0.01 * stretch * EDGE)
     wanted = YOUNG * stretch * EDGE**2
     right = REST[ENDS][:, 0] > 0.0
     near("a force of E strain area on one end", held[right].sum(axis=0), [wanted, 0.0, 0.0], 0.02 * wanted)

@@ -28,7 +28,7 @@ def _refused(make: Callable[[ExaminedPart], bytes], *kinds: str) -> Callable[[Se
             again = part.advance(1, 0, some_force())
             expect(bits(again) == bits(before), "the same bytes for the request before the refusal", "others")
         after = part.advance(1, 5, some_force())
-        near("the same step as before the refusal", after.coupling_x, before.coupling_x, 1e-7 * EDGE)
+        near("the same step as before the refusal", after.coupling.x, before.coupling.x, 1e-7 * EDGE)
 
     return check
 

@@ -30,9 +30,9 @@ def redo(service: Service) -> None:
     """A higher exchange starts again from the committed state: another force, then the first, give the first answer."""
     part, force = ExaminedPart(service), some_force()
     first, other = part.advance(0, 0, force), part.advance(0, 1, -2.0 * force)
-    moved = float(np.abs(other.coupling_x - first.coupling_x).max())
+    moved = float(np.abs(other.coupling.x - first.coupling.x).max())
     expect(moved > 0.0, "another answer to another force", "the same")
-    near("the first answer to the first force", part.advance(0, 2, force).coupling_x, first.coupling_x, 1e-6 * moved)
+    near("the first answer to the first force", part.advance(0, 2, force).coupling.x, first.coupling.x, 1e-6 * moved)
 
 
 def commit(service: Service) -> None:
@@ -56,7 +56,7 @@ def discard(service: Service) -> None:
     first = part.advance(0, 1, some_force())
     part.commit(0)
     near("positions as at the start", part.observe(0).x, part.configure.mesh.x_rest, 1e-12)  # type: ignore[union-attr]
-    near("the same step again", part.advance(0, 2, some_force()).coupling_x, first.coupling_x, 1e-9)
+    near("the same step again", part.advance(0, 2, some_force()).coupling.x, first.coupling.x, 1e-9)
 
 
 def restore(service: Service) -> None:

@@ -90,11 +90,6 @@ class Outcome:
     parts: int = 1
     """shorter steps that it was taken in"""
 
-    @property
-    def agreed(self) -> bool:
-        """Whether nothing fell short."""
-        return not self.note
-
 
 NOT_CONVERGED = "the sides' exchanges did not converge"
 """note of a step that is kept as it is after the most exchanges"""
@@ -141,7 +136,7 @@ def ask_compliance_of(parts: Iterable[str], capabilities: Mapping[str, Capabilit
         if able is None or not able.compliance:
             raise Unsuited(
                 f"part {name!r} reports no compliance, by which it is to be coupled: its participant must report it "
-                "(Capabilities.compliance, Advanced.compliance; see docs/guide/write-a-participant.md)"
+                "(Capabilities.compliance, Coupled.compliance; see docs/guide/write-a-participant.md)"
             )
 
 

@@ -44,7 +44,7 @@ from softseam_coupling.loops.loop import (
 )
 from softseam_coupling.multipliers import Multipliers
 from softseam_coupling.prediction import Prediction
-from softseam_protocol.messages.outcomes import Status
+from softseam_protocol.messages.outcomes import Figure, Status
 from softseam_protocol.messages.participant import Advanced, Capabilities
 
 Floats = NDArray[np.float64]
@@ -56,8 +56,6 @@ _DOUBT = 1.1
 """growth of a kappa in a step that does not measure it [1]"""
 _SMALL = 0.02
 """largest move that is not doubted, in cells [1]"""
-_SEEN = 1e-8
-"""moves below this share of the tolerance are rounding: they measure no kappa, and stand for no force [1]"""
 _DOUBTED_FORCE = 10.0
 """largest force that is doubted, as a share of all multipliers, over the tolerance as a share of a cell [1]"""
 _FORCE_EXCHANGES = 4
@@ -67,7 +65,8 @@ _UNCORRECTED = 0.5
 _STALE, _LEAST_AGE = 0.5, 24
 """a part's compliance is found anew after a step that was redone, where its kappa is larger [1] and it is so old"""
 _EXACT = 1e-8
-"""share of the tolerance to which the gaps are closed linearly [1]"""
+"""share of the tolerance to which the gaps are closed linearly; moves below it are rounding: they measure no kappa, and
+stand for no force [1]"""
 
 
 @dataclass(slots=True)
@@ -181,7 +180,7 @@ class OneWay:
             before, asked = x, requests
             requests = {name: self._request(name, multipliers, target) for name in self._parts}
             replies = ask(requests)
-            x = {name: reply.coupling_x for name, reply in replies.items()}
+            x = {name: reply.coupling.x for name, reply in replies.items()}
             self._measure(replies, x, before, moves, requests, asked)
             self._receive(replies, requests)
             gap = self._closure.gap(x)
@@ -192,7 +191,7 @@ class OneWay:
                 raise StepRefused(exchange)  # a part that stands where it began says nothing of the others
             acted = {name: _acted(replies[name], request) for name, request in requests.items()}
             found, pushes, moves = self._closure.solve(gap, acted, multipliers, _EXACT * self._setup.tolerance)
-            if all(reply.correctable for reply in replies.values()):
+            if all(reply.coupling.correctable for reply in replies.values()):
                 trusted = self._is_linear_enough(moves)
                 if exchange <= _FORCE_EXCHANGES:
                     trusted = trusted and self._is_force_known(moves, pushes, found)
@@ -298,14 +297,14 @@ class OneWay:
             return
         for name, part in self._parts.items():
             went = largest(moves[name])
-            if went > _SEEN * self._setup.tolerance:
+            if went > _EXACT * self._setup.tolerance:
                 miss = x[name] - before[name] - moves[name]
                 linearity = self._linearity[name]
                 linearity.kappa = largest(miss) / went
                 # the factor that it reported is not that of the end of the step
                 linearity.renew = linearity.renew or (self._reports_every_factor(name) and linearity.kappa > _STALE)
                 change = requests[name].force - asked[name].force
-                if part.compliance.size and replies[name].correctable and np.any(change):
+                if part.compliance.size and replies[name].coupling.correctable and np.any(change):
                     self._closure.update(name, miss, change)
 
     def _receive(self, replies: Mapping[str, Advanced], requests: Mapping[str, PartRequest]) -> None:
@@ -313,7 +312,7 @@ class OneWay:
         news = False
         for name, part in self._parts.items():
             reply, linearity = replies[name], self._linearity[name]
-            root, compliance = reply.coupling_compliance_root, reply.compliance
+            root, compliance = reply.coupling.root, reply.coupling.compliance
             if not (root.size or compliance.size) or not np.isfinite(root).all() or not np.isfinite(compliance).all():
                 continue
             if name == self._impedance_part:
@@ -346,7 +345,7 @@ class OneWay:
         """Whether the forces behind linear answers are doubted by little beside the multipliers found (c, 3) [N]."""
         most = _DOUBTED_FORCE * self._setup.tolerance / self._setup.cell * float(np.abs(found).sum())
         for name, push in pushes.items():
-            seen = largest(moves[name]) > _SEEN * self._setup.tolerance
+            seen = largest(moves[name]) > _EXACT * self._setup.tolerance
             if seen and self._linearity[name].kappa * float(np.abs(push).sum()) > most:
                 return False
         return True
@@ -358,7 +357,7 @@ class OneWay:
         that (n, 3) [m]; None where it cannot."""
         corrections, misses = {}, {}
         for name, part in self._parts.items():
-            push, short = part.push_for(pushes[name], moves[name], replies[name].n_contacts == 0)
+            push, short = part.push_for(pushes[name], moves[name], replies[name].figure(Figure.CONTACTS) == 0)
             if short is not None:
                 if largest(short) > 0.3 * self._setup.tolerance:
                     return None
@@ -376,7 +375,7 @@ class OneWay:
     ) -> None:
         """The step ends with these multipliers (c, 3) [N] and nodes (n, 3) [m], which parts will have been moved to."""
         for name, linearity in self._linearity.items():
-            n_contacts = replies[name].n_contacts
+            n_contacts = int(replies[name].figure(Figure.CONTACTS))
             touches = (n_contacts > 0) != (linearity.n_contacts > 0)
             old = exchanges > 1 and linearity.age >= linearity.least_age and linearity.kappa > _STALE
             if name != self._impedance_part and not self._reports_every_factor(name):
@@ -390,10 +389,10 @@ class OneWay:
             self._target.commit(self._closure.target(self._impedance_part, x), self._dt)
 
     def _outcome(self, replies: dict[str, Advanced], multipliers: Floats, exchanges: int, note: str = "") -> Outcome:
-        gap = self._closure.gap({name: reply.coupling_x for name, reply in replies.items()})
+        gap = self._closure.gap({name: reply.coupling.x for name, reply in replies.items()})
         return Outcome(replies, multipliers, largest(self._closure.left(gap, multipliers)), exchanges, note)
 
 
 def _acted(reply: Advanced, request: PartRequest) -> Floats:
     """Force that acted on a part's nodes (n, 3) [N]."""
-    return reply.coupling_force if len(reply.coupling_force) else request.force
+    return reply.coupling.force if len(reply.coupling.force) else request.force

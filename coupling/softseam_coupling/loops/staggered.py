@@ -83,10 +83,10 @@ class Staggered:
         other = ask({self._free: PartRequest(free.force(last))})[self._free]
         for exchange in range(2, self._setup.exchanges + 1):
             reply = ask({self._put: PartRequest(put.force(multipliers), self._asks)})[self._put]
-            reported = reply.compliance
+            reported = reply.coupling.compliance
             if self._asks and reported.size and np.isfinite(reported).all() and np.trace(reported) > 0.0:
                 self._stiffness, self._asks, before = _inverse(reported), False, math.inf
-            left = gap_of(self._parts, {self._put: reply.coupling_x, self._free: other.coupling_x}, self._offset)
+            left = gap_of(self._parts, {self._put: reply.coupling.x, self._free: other.coupling.x}, self._offset)
             gap = largest(left)
             if not math.isfinite(gap):
                 break

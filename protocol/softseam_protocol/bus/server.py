@@ -18,7 +18,7 @@ Handler = Callable[[bytes], bytes]
 """answers a request's payload; raises Refused to refuse it"""
 
 MOST_WAITING = 256
-_LAST_ANSWERS = 5.0
+LAST_ANSWERS = 5.0
 """longest wait for requests at hand when the server is closed [s]"""
 
 _log = logging.getLogger(__name__)
@@ -117,7 +117,7 @@ class Server:
         self._owned.clear()
         for _ in range(max(1, len(self._threads))):
             self._waiting.put(None)
-        end = time.monotonic() + _LAST_ANSWERS
+        end = time.monotonic() + LAST_ANSWERS
         for thread in self._threads:
             if thread is not threading.current_thread():
                 thread.join(timeout=max(0.0, end - time.monotonic()))

@@ -177,12 +177,12 @@ def _check(endpoint: str) -> None:
         raise BusError(f"{endpoint!r} is no endpoint: give tcp/HOST:PORT, such as {DEFAULT_ENDPOINT}")
 
 
-def direct(callback: Callable[[Any], None], drop: Callable[[], None] | None = None) -> Any:
+def direct(callback: Callable[[Any], None]) -> Any:
     """A callback run on zenoh's own thread: it must only enqueue.
 
     zenoh would otherwise add a Python thread, which costs a hop and hangs an interpreter that exits without `close`.
     """
-    return zenoh.handlers.Callback(callback, drop, indirect=False)
+    return zenoh.handlers.Callback(callback, None, indirect=False)
 
 
 def first_sentence(error: Exception) -> str:

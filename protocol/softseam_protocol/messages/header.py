@@ -1,9 +1,23 @@
-"""What every message begins with."""
+"""What makes a class a message, and what every message begins with."""
+
+from dataclasses import dataclass, field
+from typing import TypeVar, dataclass_transform
 
 from softseam_protocol.messages.arrays import Count, IdText, NameText
-from softseam_protocol.messages.message import message
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
+
+_T = TypeVar("_T")
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def message(declared: type[_T]) -> type[_T]:
+    """Makes a class a dataclass that nobody changes: the type checker refuses who writes to a field.
+
+    Not when it runs, for a frozen dataclass takes five times as long to make: 9 us in place of 2 for the answer to a
+    step, of which a hybrid step makes four.
+    """
+    return dataclass(slots=True)(declared)
 
 
 @message

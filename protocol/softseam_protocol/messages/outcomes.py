@@ -126,3 +126,54 @@ class Detail(StrEnum):
     """the residual is large"""
     UNFINISHED = "unfinished"
     """the residual that the scene asks for was not reached"""
+
+
+class Figure(StrEnum):
+    """What a participant says of a step in numbers that not every one has (`Advanced.extras`)."""
+
+    BENDING_ENERGY = "bending_energy"
+    """of particles [J]"""
+    BENDING_VIOLATION = "bending_violation"
+    """of particles: farthest that a bend is from its own law, relative to the particles' spacing [1]"""
+    BENDING_VIOLATION_MEAN = "bending_violation_mean"
+    BLENDED = "n_blended"
+    """cells squeezed so far that they count in part with full quadrature"""
+    CONTACTS = "n_contacts"
+    """surface points that touch a tool"""
+    DISSIPATED = "dissipated"
+    """what a material with internal state dissipated in the step [J]"""
+    GIVEN = "given"
+    """energy that the step gave back to a body that turns, beside `Advanced.tool_work` [J]"""
+    HELD = "held"
+    """particles that tools hold"""
+    ITERATIONS = "iterations"
+    """Newton iterations, or sweeps"""
+    PASSING = "passing"
+    """energy that cells gained as the step began by passing to full quadrature or from it, which nothing did [J]"""
+    PENETRATION = "penetration"
+    """deepest penetration of a surface point into a tool [m]"""
+    REJECTED = "n_rejected"
+    """substeps that were taken and given up, because their error was too large"""
+    RESIDUAL = "residual"
+    """what the stress of XPBD's blocks lacks to that of their shapes at the end of the step, relative [1]"""
+    SLIP = "slip"
+    """largest accumulated slip of a touching point on a moving tool [m]"""
+    STEP_ERROR = "step_error"
+    """largest estimated error in position that a substep made in time [m]"""
+    STRETCH_ENERGY = "stretch_energy"
+    """of particles [J]"""
+    STRETCH_VIOLATION = "stretch_violation"
+    """of particles: farthest that a spring is from its own law, relative to its length [1]"""
+    STRETCH_VIOLATION_MEAN = "stretch_violation_mean"
+    SUBSTEPS = "n_substeps"
+    """steps of the participant's own that the motion is made of"""
+    WORST_STRETCH = "worst_stretch"
+    """of particles: largest change of length of a spring, relative, or largest strain of a tetrahedron [1]"""
+
+
+ONE_AT_LEAST = frozenset({Figure.ITERATIONS, Figure.SUBSTEPS})
+"""figures that are 1 where they are left out; others are 0"""
+SPENT = frozenset(
+    {Figure.DISSIPATED, Figure.GIVEN, Figure.ITERATIONS, Figure.PASSING, Figure.REJECTED, Figure.SUBSTEPS}
+)
+"""figures that add up over the parts of a step; others say how things stand as it ends, or the most that there was"""

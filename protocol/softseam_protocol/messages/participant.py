@@ -27,11 +27,9 @@ from softseam_protocol.messages.arrays import (
     Wrenches,
     no_labels,
 )
-from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.message import message
+from softseam_protocol.messages.header import Header, message
 from softseam_protocol.messages.names import ONLY_BODY
-from softseam_protocol.messages.outcomes import Detail, FailureKind, Status
-from softseam_protocol.messages.particles import ParticleReport
+from softseam_protocol.messages.outcomes import ONE_AT_LEAST, Detail, FailureKind, Figure, Status
 from softseam_protocol.messages.pile import Begun, Members
 
 
@@ -175,18 +173,18 @@ class Advance:
     """force on the part's coupling nodes, constant over the step, or at its end (s, 3) [N]; see coupling_force_start"""
     tools: ToolMotion
     compliance: bool = False
-    """also return d(coupling_x)/d(coupling_force); where the force is linear in time, that of coupling_v"""
+    """also return `Coupled.compliance`, of x, or where the force is linear in time of v, by coupling_force"""
     coupling_target: Vectors = field(default_factory=NO_VECTORS)
     """where the other side would be without a change of force (s, 3) [m]; empty: the coupling force is constant"""
     coupling_impedance: Matrix = field(default_factory=NO_MATRIX)
-    """how the other side resists (3s, 3s) [N/m]: the force on these nodes is coupling_force + stiffness (anchor -
-    coupling_x); empty beside an anchor: the last one sent since the last Configure, Snapshot or Restore"""
+    """how the other side resists (3s, 3s) [N/m]: the force on these nodes is coupling_force + stiffness (anchor - x);
+    empty beside an anchor: the last one sent since the last Configure, Snapshot or Restore"""
     fields: bool = False
     """also return the fields, which spares an `Observe` where this exchange is the step's last"""
     coupling_force_start: Vectors = field(default_factory=NO_VECTORS)
     """as the step begins, from which it goes to coupling_force linearly in time (s, 3) [N]; empty: it is constant"""
     repeat_compliance: bool = False
-    """report `Advanced.coupling_compliance_root` also if it was reported before"""
+    """report `Coupled.root` also if it was reported before"""
     turn: Scalars = field(default_factory=NO_SCALARS)
     """of a body in several parts that turns: as the step begins, of all its nodes, mass, m x, m v, m x x v, and m x x
     as xx yy zz yz xz xy; then angular velocity about their centre [rad/s] and velocity [m/s] that every node is to be
@@ -211,13 +209,32 @@ class Correct:
 
 
 @message
+class Coupled:
+    """What a step did at a part's coupling nodes (s of them, none of a part that nothing joins)."""
+
+    x: Vectors = field(default_factory=NO_VECTORS)
+    """positions at the end of the step (s, 3) [m]"""
+    v: Vectors = field(default_factory=NO_VECTORS)
+    """velocities at the end of the step (s, 3) [m/s]; empty where the force was constant"""
+    force: Vectors = field(default_factory=NO_VECTORS)
+    """that acted on them (s, 3) [N]; empty: the one that was asked for"""
+    work: float = 0.0
+    """of that force on this part in the step [J]"""
+    compliance: Matrix = field(default_factory=NO_MATRIX)
+    """(3s, 3s) [m/N], of a force that is linear in time [m/(N s)]; empty: not reported"""
+    root: Matrix = field(default_factory=NO_MATRIX)
+    """R of dx/dforce = R R^T, by which the step is corrected (3s, r) [(m/N)^(1/2)]; empty: as before"""
+    correctable: bool = False
+    """whether this tentative step can be corrected (`Correct`)"""
+    sums: Scalars = field(default_factory=NO_SCALARS)
+    """of all nodes of the part as the step ends, like the first 16 of `Advance.turn`; empty: what steps lose of a
+    rotation is not given back"""
+
+
+@message
 class Advanced:
     header: Header
     status: Status
-    coupling_x: Vectors
-    """positions of the coupling nodes at the end of the step (s, 3) [m]"""
-    compliance: Matrix
-    """(3s, 3s) [m/N], of a force that is linear in time [m/(N s)], or empty (0, 0)"""
     wrench: Wrenches
     """force and torque about each tool's centre that the body exerts on the tool (t, 6) [N, N m]"""
     kinetic: float
@@ -225,64 +242,32 @@ class Advanced:
     gravity: float
     """potential energy of gravity relative to the rest position [J]"""
     tool_work: float
-    """work of the tools on this region in the step [J]"""
-    coupling_work: float
-    """work of the coupling force on this region in the step [J]"""
+    """work of the tools on this part in the step [J]"""
     momentum: Vector3
     angular_momentum: Vector3
     """about the world's origin [kg m^2/s]"""
-    penetration: float
-    """deepest penetration of a surface point into a tool [m]"""
-    slip: float
-    """largest accumulated slip of a touching point on a moving tool [m]"""
-    n_contacts: Count
-    iterations: Count
-    """Newton iterations, or sweeps"""
+    bounds: Matrix
+    """axis-aligned bounds of the part's nodes, min and max (2, 3) [m]"""
     seconds: float
     """wall time spent [s]; diagnostics only"""
     cell_distance: Distances
-    """least distance of each of the region's cells to a tool that makes cells near, inf without one (n_cells,) [m]"""
-    bounds: Matrix
-    """axis-aligned bounds of the region's nodes, min and max (2, 3) [m]"""
-    coupling_force: Vectors = field(default_factory=NO_VECTORS)
-    """force that acted on the coupling nodes (s, 3) [N]; empty: the one that was asked for"""
-    fields: Fields | None = None
-    n_blended: Count = 0
-    """cells squeezed so far that they count in part with full quadrature"""
-    particles: ParticleReport | None = None
-    """of a sheet or rope"""
-    n_substeps: Count = 1
-    """steps of the participant's own that the motion is made of"""
-    n_rejected: Count = 0
-    """substeps that were taken and given up, because their error was too large"""
-    step_error: float = 0.0
-    """largest estimated error in position that a substep made in time, 0 where it is not estimated [m]"""
-    residual: float = 0.0
-    """PBD: what the stress of the blocks lacks to that of their shapes at the end of the step, relative [1]"""
-    alarm: str = ""
-    """what the participant's monitor saw and did about it in this step; empty where that was nothing"""
-    coupling_v: Vectors = field(default_factory=NO_VECTORS)
-    """velocities of the coupling nodes at the end of the step (s, 3) [m/s]; empty where the force was constant"""
-    correctable: bool = False
-    """whether this tentative step can be corrected (`Correct`)"""
-    coupling_compliance_root: Matrix = field(default_factory=NO_MATRIX)
-    """R of d(coupling_x)/d(coupling_force) = R R^T, by which it is corrected (3s, r) [(m/N)^(1/2)]; empty: as before"""
+    """least distance of each of the part's cells to a tool that makes cells near, inf without one (n_cells,) [m]"""
+    coupling: Coupled
+    extras: dict[str, float] = field(default_factory=dict)
+    """what else is to be said in numbers, by the names of `Figure`"""
     why: str = ""
     """what went wrong and the remedy, where the status is not `converged`"""
-    alarm_details: list[Detail] = field(default_factory=list)
-    """what the alarm says, for programs"""
-    then: Advanced | None = None
-    """the answer to `Correct.then`; None: that was not served"""
-    passing: float = 0.0
-    """energy that cells gained as the step began by passing to full quadrature or from it, which nothing did [J]"""
-    given: float = 0.0
-    """energy that the step gave back to a body that turns, beside `tool_work` [J]"""
-    sums: Scalars = field(default_factory=NO_SCALARS)
-    """as the step ends, like the first 16 of `Advance.turn`; empty: what steps lose of a rotation is not given back"""
-    dissipated: float = 0.0
-    """what a material with internal state dissipated in the step [J]; 0: nothing, or an older participant"""
+    alarms: dict[Detail, str] = field(default_factory=dict)
+    """what the participant's monitor saw and did about it in this step, by what it says for programs"""
+    fields: Fields | None = None
     members: Members | None = None
     """of a pile: the same by body"""
+    then: Advanced | None = None
+    """the answer to `Correct.then`; None: that was not served"""
+
+    def figure(self, name: Figure) -> float:
+        """One of the extras; where it is left out 0, of iterations and substeps 1."""
+        return self.extras.get(name, 1.0 if name in ONE_AT_LEAST else 0.0)
 
 
 @message

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.arrays import Array, Count, Ids, Scalars, Vectors
-from softseam_protocol.messages.message import message
+from softseam_protocol.messages.header import message
 from softseam_protocol.messages.outcomes import Detail, Status
 
 BodyWrenches = Annotated[NDArray[np.float64], Array("f8", None, None, 6)]
@@ -21,14 +21,14 @@ class Note:
     """its place among those that took the step"""
     status: Status
     why: str = ""
+    alarms: dict[Detail, str] = field(default_factory=dict)
     """as of `Advanced`"""
-    alarm: str = ""
-    alarm_details: list[Detail] = field(default_factory=list)
 
 
 @message
 class Members:
-    """What a step did to the b bodies of a pile that took it, in the order of `Configure.bodies`; as of `Advanced`."""
+    """What a step did to the b bodies of a pile that took it, in the order of `Configure.bodies`; as of `Advanced` and
+    its figures."""
 
     kinetic: Scalars
     """(b,) [J]"""

@@ -17,8 +17,7 @@ from softseam_protocol.messages.arrays import (
     no_lines,
     no_octants,
 )
-from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.message import message
+from softseam_protocol.messages.header import Header, message
 from softseam_protocol.messages.outcomes import RecordingState
 from softseam_protocol.messages.participant import Bundle
 

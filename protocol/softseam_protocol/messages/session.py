@@ -1,4 +1,4 @@
-"""Between the orchestrator, its clients and who watches: reports, frames, events; requests."""
+"""Between the orchestrator, its clients and who watches: reports, frames, events, heartbeats; requests."""
 
 from dataclasses import field
 
@@ -18,8 +18,7 @@ from softseam_protocol.messages.arrays import (
     Wrenches,
     no_labels,
 )
-from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.message import message
+from softseam_protocol.messages.header import Header, message
 from softseam_protocol.messages.outcomes import Detail, EventKind
 from softseam_protocol.messages.participant import Bundle, Failure
 
@@ -292,3 +291,19 @@ class Observations:
 
 ClientRequest = Open | Reset | Step | Save | Load | Estimate | Close
 ClientReply = Observation | Observations | Saved | Estimated | Closed | Failure
+
+
+@message
+class Progress:
+    """A service's heartbeat; `requests` stands still while `busy` grows when its solver hangs."""
+
+    service: NameText
+    instance: NameText
+    """names the process: differs after a restart"""
+    session: NameText
+    """session of the last request, or empty"""
+    step: Count
+    requests: Count
+    """requests answered since the service started"""
+    busy: float
+    """wall time spent in the request at hand, 0 when idle [s]"""

@@ -17,6 +17,7 @@ from softseam_protocol.messages.participant import (
     Configure,
     Configured,
     Correct,
+    Coupled,
     Fields,
 )
 from softseam_protocol.participant.part import Part, Unconverged
@@ -24,8 +25,6 @@ from softseam_protocol.participant.requests import Participant
 from softseam_protocol.participant.state import NotFinite, State, finite, load, save, sound
 
 Floats = NDArray[np.float64]
-
-_NONE = np.zeros((0, 0))
 
 
 def participant_of(make: Callable[[Configure], Part]) -> Participant:
@@ -104,16 +103,18 @@ class PartSolver:
         try:
             end = sound(self.part.step(begin, dt, request.coupling_force, request.tools), begin)
             reply = self._reply(request.header, request, end, request.coupling_force)
+            coupling = reply.coupling
             if request.compliance:
                 reported = begin, dt, self._response(begin, dt)
-                reply = replace(reply, compliance=reported[2][self._rows])
+                coupling = replace(coupling, compliance=reported[2][self._rows])
         except NotFinite as error:
             status, why = Status.DIVERGED, f"{error}: take a shorter step"
         except (Unconverged, np.linalg.LinAlgError) as error:
             status, why = Status.UNCONVERGED, str(error)
         else:
             self.tentative, self._asked, self._told = end, request, reported
-            return replace(reply, correctable=self._correctable, seconds=perf_counter() - began)
+            coupling = replace(coupling, correctable=self._correctable)
+            return replace(reply, coupling=coupling, seconds=perf_counter() - began)
         still = self._reply(request.header, request, replace(begin, advanced={}), request.coupling_force)
         self.tentative = self._asked = None
         return replace(still, status=status, why=why, seconds=perf_counter() - began)
@@ -126,7 +127,8 @@ class PartSolver:
         end = sound(replace(end, x=end.x + way, v=end.v + way / asked.dt), end)
         reply = self._reply(request.header, asked, end, request.force)
         self.tentative = end
-        return replace(reply, correctable=True, seconds=perf_counter() - began)
+        coupling = replace(reply.coupling, correctable=True)
+        return replace(reply, coupling=coupling, seconds=perf_counter() - began)
 
     def commit(self) -> None:
         """Accept the tentative step, where there is one."""
@@ -197,23 +199,19 @@ class PartSolver:
         reported = Advanced(
             header=header,
             status=Status.CONVERGED,
-            coupling_x=end.x[part.coupling],
-            compliance=_NONE,
             wrench=np.zeros((len(asked.tools.position), 6)),
             kinetic=kinetic,
             strain=float(part.strain_energy(end).sum()),
             gravity=gravity,
             tool_work=0.0,
-            coupling_work=float((force * (end.x - self.committed.x)[part.coupling]).sum()),
             momentum=momentum.sum(axis=0),
             angular_momentum=np.cross(end.x, momentum).sum(axis=0),
-            penetration=0.0,
-            slip=0.0,
-            n_contacts=0,
-            iterations=1,
+            bounds=np.stack([end.x.min(axis=0), end.x.max(axis=0)]),
             seconds=0.0,
             cell_distance=np.full(len(part.mesh.cell_nodes), np.inf),
-            bounds=np.stack([end.x.min(axis=0), end.x.max(axis=0)]),
+            coupling=Coupled(
+                x=end.x[part.coupling], work=float((force * (end.x - self.committed.x)[part.coupling]).sum())
+            ),
         )
         reported = replace(reported, **end.advanced)
         finite(reported)

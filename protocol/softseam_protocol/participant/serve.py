@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from softseam_protocol.bus.client import Bus
-from softseam_protocol.bus.server import Handler
+from softseam_protocol.bus.server import LAST_ANSWERS, Handler
 from softseam_protocol.errors import BusError
 from softseam_protocol.messages.participant import Configure
 from softseam_protocol.models import MODELS
@@ -24,8 +24,6 @@ from softseam_protocol.topics import DEFAULT_DEPLOYMENT, DEFAULT_ENDPOINT, Keys
 
 STOPPING = (signal.SIGTERM, signal.SIGINT)
 """signals that ask a participant to stop"""
-_LAST_ANSWER = 5.0
-"""longest wait for the answer at hand when it stops [s]"""
 _WAIT = 20.0
 """longest wait for the router [s]"""
 
@@ -68,7 +66,7 @@ def serving(
             yield ended
         finally:
             server.close()
-            thread.join(_LAST_ANSWER)
+            thread.join(LAST_ANSWERS)
 
 
 def serve(
@@ -78,11 +76,10 @@ def serve(
     connect: str = DEFAULT_ENDPOINT,
     deployment: str = DEFAULT_DEPLOYMENT,
     models: tuple[str, ...] = (),
-    wait: float = _WAIT,
 ) -> None:
     """Answer requests as this service until the process gets SIGTERM or SIGINT (Ctrl-C); call it in the main thread.
 
-    connect  the router's endpoint, for which it waits so many seconds
+    connect  the router's endpoint
     models   by which scenes may call the part: the service's name, fem and pbd, in whose place it moves the part
 
     One thread, not the main one, calls the solver. Raises NoRouter, ValueError for names that are none, and what a
@@ -90,7 +87,7 @@ def serve(
     """
     before: dict[signal.Signals, Any] = {}
     try:
-        with serving(solver, service, connect=connect, deployment=deployment, models=models, wait=wait) as ended:
+        with serving(solver, service, connect=connect, deployment=deployment, models=models) as ended:
             before = {number: signal.signal(number, lambda *_: ended.put(None)) for number in STOPPING}
             print(f"{service} answers at {connect}; Ctrl-C stops it", flush=True)
             error = ended.get()

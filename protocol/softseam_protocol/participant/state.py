@@ -1,17 +1,21 @@
 """The state of a part as a value: nobody writes to it, so that what is taken back or repeated is so to the bit."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.messages.participant import Coupled
+
 Floats = NDArray[np.float64]
 
 _DIGEST = 16
 """bytes at the end of saved states"""
+_LENGTH = 8
+"""bytes of a length before each state of a pile, little-endian"""
 
 
 class NotFinite(ValueError):
@@ -54,7 +58,11 @@ def finite(reported: Any) -> None:
     """Raises NotFinite for the first field of a message that holds NaN, or infinity where it is no distance."""
     for one in fields(reported):
         value = getattr(reported, one.name)
-        if isinstance(value, float | np.ndarray):
+        if isinstance(value, dict):
+            value = np.array([each for each in value.values() if isinstance(each, float)])
+        if isinstance(value, Coupled):
+            finite(value)
+        elif isinstance(value, float | np.ndarray):
             bad = np.isnan(value) if one.name == "cell_distance" else ~np.isfinite(value)
             if bad.any():
                 raise NotFinite(f"{type(reported).__name__}.{one.name} is not finite")
@@ -81,3 +89,25 @@ def load(data: bytes, like: State, n_states: int, kind: bytes) -> tuple[list[Sta
 
 def _digest(data: bytes, kind: bytes) -> bytes:
     return hashlib.blake2b(data, digest_size=_DIGEST, key=kind).digest()
+
+
+def join_states(states: Iterable[bytes]) -> bytes:
+    """One snapshot of a pile, of those of its bodies."""
+    return b"".join(len(state).to_bytes(_LENGTH, "little") + state for state in states)
+
+
+def split_states(state: bytes) -> list[bytes]:
+    """The snapshots that `join_states` joined. Raises ValueError where bytes are missing.
+
+    >>> split_states(join_states([b"one", b""]))
+    [b'one', b'']
+    """
+    parts, at = [], 0
+    while at < len(state):
+        begin = at + _LENGTH
+        end = begin + int.from_bytes(state[at:begin], "little")
+        if end > len(state):
+            raise ValueError("the snapshot of a pile ends too early: restore the bytes that `snapshot` returned")
+        parts.append(state[begin:end])
+        at = end
+    return parts

@@ -7,8 +7,6 @@ from softseam_protocol.table import Table
 
 SeamScheme = str
 """a row of SCHEMES"""
-MaterialKind = str
-"""a row of scene.materials.MATERIALS"""
 ElementKind = str
 """a row of ELEMENTS"""
 IntegratorKind = str

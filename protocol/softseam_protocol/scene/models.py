@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -19,7 +18,7 @@ from pydantic import (
 from softseam_protocol.models import facts_of, some_read
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.kinds import ELEMENTS, IN_BLOCKS, INTEGRATORS, ElementKind
-from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, RowOf, Spec, key, wrong
+from softseam_protocol.scene.spec import BoxRegion, NonNegative, Positive, RowOf, Spec, wrong
 
 
 class FemSpec(Spec):
@@ -202,39 +201,6 @@ class ModelsSpec(Spec):
         """By model's settings their keys that are not what they are for this body in a scene without them."""
         said, usual = self.having(self.fem.of(body)), ModelsSpec(fem=FemSpec().of(body))
         return {name: _set(getattr(said, name), getattr(usual, name)) for name in type(self).model_fields}
-
-    def check_drag(self, used: Set[str]) -> None:
-        """Raise if one of the models that are used cannot take up a body's drag."""
-        fem, pbd = self.fem, self.pbd
-        if some_read(used, "fem.integrator") and not INTEGRATORS[fem.integrator].viscous:
-            raise wrong(
-                f"{fem.integrator} does not know body.damping: use implicit_euler or midpoint",
-                *key("models.fem.integrator"),
-            )
-        if some_read(used, "pbd.damping") and pbd.damping.mass > 0.0:
-            raise wrong(
-                "body.damping says the same for both models: leave one of them out",
-                *key("models.pbd.damping.mass"),
-            )
-
-    def check_viscous(self, used: Set[str]) -> None:
-        """Raise if one of the models that are used cannot take up a material's retardation time."""
-        fem, pbd = self.fem, self.pbd
-        if some_read(used, "fem.integrator") and not INTEGRATORS[fem.integrator].viscous:
-            raise wrong(
-                f"{fem.integrator} does not know body.material.retardation_time: use implicit_euler or midpoint",
-                *key("models.fem.integrator"),
-            )
-        if some_read(used, "pbd.method") and pbd.method == "leapfrog":
-            raise wrong(
-                "leapfrog's substep would shrink with body.material.retardation_time: use xpbd",
-                *key("models.pbd.method"),
-            )
-        if some_read(used, "pbd.damping") and pbd.damping.stiffness > 0.0:
-            raise wrong(
-                "body.material.retardation_time says the same for both models: leave one of them out",
-                *key("models.pbd.damping.stiffness"),
-            )
 
 
 def _set(spec: FemSpec | PbdSpec, default: FemSpec | PbdSpec) -> list[str]:

@@ -14,7 +14,7 @@ from typing import Any
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
-from softseam_protocol.messages import header, operations, participant, particles, pile, recording, session
+from softseam_protocol.messages import header, participant, pile, recording, session
 from softseam_protocol.messages.arrays import Array, Least, Name
 from softseam_protocol.messages.header import SCHEMA_VERSION
 
@@ -40,7 +40,9 @@ class Field:
     number: int
     of: Any
     container: str = ""
-    """'', 'list' or 'map' (of text to `of`)"""
+    """'', 'list' or 'map' (of `key` to `of`)"""
+    key: Any = str
+    """of a map: str, or a StrEnum"""
     optional: bool = False
     """may be None"""
     default: Any = None
@@ -87,14 +89,14 @@ def _unwrap(annotation: Any) -> tuple[Any, int | None, Name | None]:
 
 
 def _field(name: str, number: int, annotation: Any, default: Any, make_default: Any) -> Field:
-    optional, container = False, ""
+    optional, container, key = False, "", str
     if typing.get_origin(annotation) in (types.UnionType, typing.Union):
         (annotation,) = (a for a in typing.get_args(annotation) if a is not types.NoneType)
         optional = True
     if typing.get_origin(annotation) is list:
         (annotation,), container = typing.get_args(annotation), "list"
     elif typing.get_origin(annotation) is dict:
-        (_, annotation), container = typing.get_args(annotation), "map"
+        (key, annotation), container = typing.get_args(annotation), "map"
     of, least, named = _unwrap(annotation)
     is_enum = isinstance(of, type) and issubclass(of, StrEnum)
     if not (isinstance(of, Array) or of in _SCALARS or is_enum or dataclasses.is_dataclass(of)):
@@ -104,7 +106,7 @@ def _field(name: str, number: int, annotation: Any, default: Any, make_default: 
         make_default = None
     if not has_default:
         default = None
-    return Field(name, number, of, container, optional, default, has_default, make_default, least, named)
+    return Field(name, number, of, container, key, optional, default, has_default, make_default, least, named)
 
 
 def _fields(cls: type) -> tuple[Field, ...]:
@@ -119,7 +121,7 @@ def _fields(cls: type) -> tuple[Field, ...]:
 
 MESSAGES: dict[str, type] = {
     name: value
-    for module in (header, pile, participant, particles, session, recording, operations)
+    for module in (header, pile, participant, session, recording)
     for name, value in vars(module).items()
     if isinstance(value, type) and dataclasses.is_dataclass(value) and value.__module__ == module.__name__
 }

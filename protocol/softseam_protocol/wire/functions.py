@@ -7,6 +7,7 @@ fields declare. Loops over the fields in their place take 1.35 times as long (do
 import math
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from softseam_protocol.errors import SchemaMismatch
@@ -148,7 +149,11 @@ def _taken(cls: type, field: Field) -> list[str]:
     take = _taker(cls, field)
     if field.container == "map":
         # by key: protobuf's own order differs from process to process
-        return [f"entries = wire.{name}", f"v_{name} = {{key: {take('entries[key]')} for key in sorted(entries)}}"]
+        key = "key"
+        if field.key is not str:
+            check = scalar_check(f"{cls.__name__}.{name}", replace(field, of=field.key))
+            key = f"{_given(f'check_key_{where}', check)}(key)"
+        return [f"entries = wire.{name}", f"v_{name} = {{{key}: {take('entries[key]')} for key in sorted(entries)}}"]
     if field.container == "list":
         return [f"v_{name} = [{take('item')} for item in wire.{name}]"]
     here = take(f"wire.{name}")

@@ -152,7 +152,7 @@ class Bench:
             reply = solver.advance(Advance(header, together * h, np.zeros((0, 3)), motion))
             quickest = min(quickest, time.process_time() - began)
             solver.commit()
-            stable = stable and reply.status is Status.CONVERGED and not reply.alarm
+            stable = stable and reply.status is Status.CONVERGED and not reply.alarms
             q.append(float(np.einsum("n,nc,nc->", self._mass, self._mode, solver.positions - self.body.x_rest)))
         omega, damping = oscillation(np.array(q[SKIPPED:]), together * h)
         square = omega**2 + damping**2

@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.outcomes import Detail, Status
-from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
+from softseam_protocol.messages.outcomes import Detail, Figure, Status
+from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Coupled, Fields
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.internal import internal_of
@@ -234,43 +234,45 @@ class FemSolver:
             reduction.add_up(self._next, self._tools, out, wrench)
         numbers = out.tolist()
         correctable = converged and stepper.correctable
-        whole = request.compliance and converged
         alarm = stepper.alarm(self._next, self.times) if converged else ""
         return Advanced(
             (correction or request).header,
             status,
-            found.seam_x.copy(),
-            found.compliance.copy() if whole else _NONE,
             wrench,
             numbers[kernel.KINETIC],
             numbers[kernel.STRAIN],
             numbers[kernel.GRAVITY],
             numbers[kernel.TOOL_WORK],
-            numbers[kernel.SEAM_WORK],
             out[kernel.MOMENTUM : kernel.MOMENTUM + 3],
             out[kernel.ANGULAR : kernel.ANGULAR + 3],
-            numbers[kernel.PENETRATION],
-            numbers[kernel.SLIPPED],
-            int(numbers[kernel.N_CONTACTS]),
-            int(numbers[kernel.N_ITERATIONS]),
+            out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3),
             time.perf_counter() - began,
             found.distance.copy() if reduction is None else found.distance[reduction.cell],
-            out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3),
-            stepper.work.seam_actual.copy(),
-            n_blended=self.times * int(stepper.work.mixed[0]),
-            given=self._stepper.given,
-            sums=sums_of(self._parameters.mass, self._now.x, self._now.v) if len(self._model.seam) else _NO_SUMS,
-            passing=self.times * float(self._next.passed[0] - self._committed.passed[0]),
-            dissipated=float(self._next.dissipated[0] - self._committed.dissipated[0]),
-            n_substeps=taken.n_accepted,
-            n_rejected=taken.n_rejected,
-            step_error=taken.error,
-            alarm=alarm,
-            coupling_v=self._now.v[self._region.seam] if len(request.coupling_force_start) else _FREE,
-            correctable=correctable,
-            coupling_compliance_root=stepper.new_compliance_root(request.repeat_compliance) if correctable else _NONE,
+            Coupled(
+                x=found.seam_x.copy(),
+                v=self._now.v[self._region.seam] if len(request.coupling_force_start) else _FREE,
+                force=stepper.work.seam_actual.copy(),
+                work=numbers[kernel.SEAM_WORK],
+                compliance=found.compliance.copy() if request.compliance and converged else _NONE,
+                root=stepper.new_compliance_root(request.repeat_compliance) if correctable else _NONE,
+                correctable=correctable,
+                sums=sums_of(self._parameters.mass, self._now.x, self._now.v) if len(self._model.seam) else _NO_SUMS,
+            ),
+            extras={
+                Figure.CONTACTS: numbers[kernel.N_CONTACTS],
+                Figure.PENETRATION: numbers[kernel.PENETRATION],
+                Figure.SLIP: numbers[kernel.SLIPPED],
+                Figure.ITERATIONS: numbers[kernel.N_ITERATIONS],
+                Figure.SUBSTEPS: float(taken.n_accepted),
+                Figure.REJECTED: float(taken.n_rejected),
+                Figure.STEP_ERROR: taken.error,
+                Figure.BLENDED: float(self.times * int(stepper.work.mixed[0])),
+                Figure.PASSING: self.times * float(self._next.passed[0] - self._committed.passed[0]),
+                Figure.GIVEN: self._stepper.given,
+                Figure.DISSIPATED: float(self._next.dissipated[0] - self._committed.dissipated[0]),
+            },
             why=why,
-            alarm_details=[Detail.INSIDE_OUT] if alarm else [],
+            alarms={Detail.INSIDE_OUT: alarm} if alarm else {},
         )
 
     def correct(self, request: Correct) -> Advanced:

@@ -90,10 +90,10 @@ class BodyTurn:
         turns, start = self._turns, self._sums
         told = dict(replies)
         self._turns, self._change = self._is_turning(dt), np.zeros(_N_CHANGE)
-        if not np.isfinite(start[MASS]) or not all(len(reply.sums) for reply in replies.values()):
+        if not np.isfinite(start[MASS]) or not all(len(reply.coupling.sums) for reply in replies.values()):
             self._sums, self._turns = np.full(N_SUMS, np.nan), False
             return told
-        self._sums = np.sum([reply.sums for reply in replies.values()], axis=0)
+        self._sums = np.sum([reply.coupling.sums for reply in replies.values()], axis=0)
         if not turns:
             return told
         mass, end = start[MASS], self._sums
@@ -201,7 +201,7 @@ def keeps_momentum(spec: AnyBody, models: ModelsSpec) -> bool:
 
 def _changed(reply: Advanced, centre: Floats, turn: Floats, shift: Floats) -> Advanced:
     """The reply of a part whose nodes go by turn x (x - centre) + shift faster."""
-    sums = reply.sums
+    sums = reply.coupling.sums
     mass, place, motion = sums[MASS], sums[PLACE:MOTION], sums[MOTION:ANGULAR]
     a, b, c, d, e, f = sums[SECOND:]
     second = np.array([[a, f, e], [f, b, d], [e, d, c]])

@@ -13,8 +13,7 @@ import numpy as np
 from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.models import FAR_DEFAULT, NEAR_DEFAULT, ModelKind
 from softseam_protocol.scene.bodies import AnyBody as AnyBodySpec
-from softseam_protocol.scene.consistency import fits
-from softseam_protocol.scene.implied import implied_model
+from softseam_protocol.scene.consistency import fits, implied_model
 from softseam_protocol.scene.regions import NearSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from softseam_coupling.ledger import Alarm, Energies, EnergyLedger, LedgerState
 from softseam_coupling.loops.loop import Outcome, largest
+from softseam_protocol.messages.outcomes import Figure
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import InterfaceReport, PartReport
 from softseam_protocol.models import facts_of
@@ -72,13 +73,13 @@ class EnergyBalance:
             strain += reply.strain
             gravity += reply.gravity
             tool_work += reply.tool_work
-            seam_work += reply.coupling_work
-            passing += reply.passing
-            given += reply.given
-            material += reply.dissipated
+            seam_work += reply.coupling.work
+            passing += reply.figure(Figure.PASSING)
+            given += reply.figure(Figure.GIVEN)
+            material += reply.figure(Figure.DISSIPATED)
             momentum += reply.momentum
             angular += reply.angular_momentum
-            penetration = max(penetration, reply.penetration)
+            penetration = max(penetration, reply.figure(Figure.PENETRATION))
             reports[name] = PartReport(
                 parts.body,
                 parts.models[name],
@@ -87,11 +88,11 @@ class EnergyBalance:
                 reply.kinetic,
                 reply.strain,
                 reply.gravity,
-                reply.iterations,
+                int(reply.figure(Figure.ITERATIONS)),
                 reply.seconds,
-                reply.n_substeps,
-                reply.n_rejected,
-                reply.step_error,
+                int(reply.figure(Figure.SUBSTEPS)),
+                int(reply.figure(Figure.REJECTED)),
+                reply.figure(Figure.STEP_ERROR),
             )
         interfaces = {}
         if len(solution.multipliers):
@@ -171,5 +172,5 @@ class EnergyBalance:
 
 def _in_parts(parts: Parts, replies: Mapping[str, Advanced], solution: Outcome) -> bool:
     """Whether a step was cut: its wrench is of one of its parts then, or a mean, and says nothing of their work."""
-    cut = any(reply.n_substeps > 1 for name, reply in replies.items() if facts_of(parts.models[name]).cuts_steps)
-    return cut or solution.parts > 1
+    cutting = [reply for name, reply in replies.items() if facts_of(parts.models[name]).cuts_steps]
+    return solution.parts > 1 or any(reply.figure(Figure.SUBSTEPS) > 1 for reply in cutting)

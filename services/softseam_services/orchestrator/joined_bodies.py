@@ -238,7 +238,7 @@ class JoinedBodies:
         solution = self._loop.solve(ask, correct, dt, may_cut)
         replies = dict(solution.replies)
         forces = self._forces(interfaces, solution.multipliers)
-        after = {name: replies[self._part(name)].coupling_x for name in self.members}
+        after = {name: replies[self._part(name)].coupling.x for name in self.members}
         began = [turn.sums.copy() for turn in self._turns.values()]
         for name, member in self.members.items():
             part = self._part(name)

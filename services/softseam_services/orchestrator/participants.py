@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from softseam_coupling.ledger import Energies
 from softseam_coupling.loops.loop import Correction, First, Outcome, PartRequest, StepDiverged
 from softseam_protocol.messages import participant as messages
-from softseam_protocol.messages.outcomes import Detail
+from softseam_protocol.messages.outcomes import Detail, Figure
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_protocol.models import facts_of
 from softseam_protocol.scene.scene import Scene
@@ -219,11 +219,10 @@ class Participants:
         """Say where a model could not take the step at once; PBD's monitor says it itself."""
         for name, reply in solution.replies.items():
             asked_for = self._scene.models.fem.step_error is not None
-            if reply.n_substeps > solution.parts and facts_of(self.parts.models[name]).cuts_steps and not asked_for:
-                taken = (
-                    f"step {self._clock.step}, {name} ({self.parts.models[name]}): taken in {reply.n_substeps} parts"
-                )
-                self._tell("step", taken, count=reply.n_substeps)
+            count = int(reply.figure(Figure.SUBSTEPS))
+            if count > solution.parts and facts_of(self.parts.models[name]).cuts_steps and not asked_for:
+                taken = f"step {self._clock.step}, {name} ({self.parts.models[name]}): taken in {count} parts"
+                self._tell("step", taken, count=count)
 
     def _advance(
         self,

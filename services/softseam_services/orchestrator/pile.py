@@ -18,7 +18,7 @@ from softseam_protocol.messages.names import within
 from softseam_protocol.messages.outcomes import Status
 from softseam_protocol.messages.pile import Begun
 from softseam_protocol.models import facts_of
-from softseam_protocol.participant.pile_state import join_states, split_states
+from softseam_protocol.participant.state import join_states, split_states
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.participants import Participants, Tied

@@ -16,8 +16,8 @@ from softseam_coupling.ledger import Alarm
 from softseam_coupling.ledgers import Ledgers
 from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
-from softseam_protocol.messages.outcomes import Status
-from softseam_protocol.messages.participant import Advanced, Fields
+from softseam_protocol.messages.outcomes import Figure, Status
+from softseam_protocol.messages.participant import Advanced, Coupled, Fields
 from softseam_protocol.messages.pile import Members
 from softseam_protocol.messages.session import ErrorEstimate, Frame, PartReport
 from softseam_services.orchestrator.creep import Creep
@@ -35,6 +35,7 @@ Floats = NDArray[np.float64]
 
 _FREE = np.zeros((0, 3))
 _ARRAYS = [each.name for each in fields(Members) if each.name != "notes"]
+_FIGURES = [each for each in Figure if each in _ARRAYS]
 _STILL = {"tool_work": 0, "dissipated": 0, "iterations": 0, "n_substeps": 1}
 """of bodies that sleep through a step"""
 
@@ -121,6 +122,8 @@ class PileBodies:
         self._step = replace(step, **{each: getattr(step, each).copy() for each in _ARRAYS})
         for each in _ARRAYS:
             row = {"low": reply.bounds[0], "high": reply.bounds[1]}.get(each)
+            if each in _FIGURES:
+                row = np.float64(reply.figure(Figure(each)))
             getattr(self._step, each)[place] = getattr(reply, each) if row is None else row
 
     def outcome(self, name: str) -> Outcome:
@@ -133,31 +136,23 @@ class PileBodies:
         reply = Advanced(
             header,
             Status.CONVERGED,
-            _FREE,
-            np.zeros((0, 0)),
             step.wrench[place],
             step.kinetic.item(place),
             step.strain.item(place),
             step.gravity.item(place),
             step.tool_work.item(place),
-            0.0,
             step.momentum[place],
             step.angular_momentum[place],
-            step.penetration.item(place),
-            step.slip.item(place),
-            step.n_contacts.item(place),
-            step.iterations.item(place),
+            np.stack((step.low[place], step.high[place])),
             self._seconds,
             np.zeros(0),
-            np.stack((step.low[place], step.high[place])),
+            Coupled(),
+            {name: float(getattr(step, name).item(place)) for name in _FIGURES},
             fields=fields_of,
-            n_substeps=step.n_substeps.item(place),
-            residual=step.residual.item(place),
-            dissipated=step.dissipated.item(place),
         )
         for note in step.notes:
             if self._awake[note.body] == place:
-                reply = replace(reply, alarm=note.alarm, alarm_details=note.alarm_details)
+                reply = replace(reply, alarms=note.alarms)
         return Outcome({part: reply}, _FREE, 0.0, 1, "")
 
     def kinetic(self, name: str) -> float:
@@ -234,7 +229,7 @@ class PileBodies:
 
     def notify(self, step_number: int, estimates: Mapping[str, ErrorEstimate]) -> None:
         """Report what of the step is worth an event."""
-        alarmed = {int(self._awake[note.body]) for note in self._step.notes if note.alarm}
+        alarmed = {int(self._awake[note.body]) for note in self._step.notes if note.alarms}
         odd = alarmed | self._alarmed | self._raised.keys()
         for note in self._step.notes:
             if note.status is not Status.CONVERGED:

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.messages.outcomes import Figure
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import Frame
 from softseam_protocol.quantities import PROBED, QUANTITIES
@@ -134,7 +135,7 @@ def _at_hand(look: Look) -> set[Needs]:
 
 
 def _slip(look: Look) -> float:
-    return max(reply.slip for reply in look.replies.values())
+    return max(reply.figure(Figure.SLIP) for reply in look.replies.values())
 
 
 def _sag(look: Look) -> float:
@@ -176,7 +177,7 @@ def _error(name: str) -> Measurement:
 
 
 def _constraint_residual(look: Look) -> float:
-    return max(reply.residual for reply in look.replies.values())
+    return max(reply.figure(Figure.RESIDUAL) for reply in look.replies.values())
 
 
 def _traction_jump(look: Look) -> float:
@@ -186,8 +187,7 @@ def _traction_jump(look: Look) -> float:
 
 def _of_particles(name: str) -> Measurement:
     def measure(look: Look) -> float:
-        found = [getattr(reply.particles, name) for reply in look.replies.values() if reply.particles is not None]
-        return float(found[-1])
+        return [reply.extras[name] for reply in look.replies.values() if name in reply.extras][-1]
 
     return Measurement("step", measure)
 

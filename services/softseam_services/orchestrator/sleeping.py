@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from softseam_coupling.islands import CALM, SLEEP, WAKE, Island
 from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.errors import DecodeError
+from softseam_protocol.messages.outcomes import SPENT, Figure
 from softseam_protocol.messages.participant import Advanced, ToolMotion
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.body.errors import SettingError
@@ -23,10 +24,7 @@ Entries = dict[str, NDArray[np.generic]]
 _Seen = tuple[Floats, Floats, frozenset[tuple[str, ...]]]
 """poses of tools (t, 3) [m], (t, 4), and islands"""
 
-_QUIET: dict[str, Any] = {
-    "tool_work": 0.0, "coupling_work": 0.0, "passing": 0.0, "given": 0.0, "iterations": 0, "seconds": 0.0,
-    "fields": None, "n_substeps": 1, "n_rejected": 0, "step_error": 0.0, "alarm": "", "alarm_details": [], "then": None,
-}  # fmt: skip
+_QUIET: dict[str, Any] = {"tool_work": 0.0, "seconds": 0.0, "fields": None, "alarms": {}, "then": None}
 """of a reply in steps that the part sleeps through"""
 
 
@@ -198,5 +196,9 @@ def _reason(island: Island) -> str:
 
 
 def _quiet(outcome: Outcome) -> Outcome:
-    replies = {part: replace(reply, **_QUIET) for part, reply in outcome.replies.items()}
+    replies = {}
+    for part, reply in outcome.replies.items():
+        stays = {name: value for name, value in reply.extras.items() if name not in {*SPENT, Figure.STEP_ERROR}}
+        coupling = replace(reply.coupling, work=0.0)
+        replies[part] = replace(reply, coupling=coupling, extras={**stays, Figure.ITERATIONS: 0.0}, **_QUIET)
     return replace(outcome, replies=replies, exchanges=0, note="", parts=1)

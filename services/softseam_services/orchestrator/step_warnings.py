@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping
 from typing import Protocol
 
 from softseam_coupling.ledger import Alarm
-from softseam_protocol.messages.outcomes import Detail
+from softseam_protocol.messages.outcomes import Detail, Figure
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import ErrorEstimate
-from softseam_protocol.scene.locking import locking
+from softseam_protocol.scene.consistency import locking
 from softseam_protocol.scene.scene import Scene
 
 _TOO_FAR = (
@@ -61,14 +61,15 @@ class StepWarnings:
             self._tell("element", self._locks)
         for alarm in alarms:
             self._tell("energy", f"{at}: {alarm.value}", Detail[alarm.name])
-        crushed = sum(reply.n_blended for reply in replies.values())
+        crushed = sum(int(reply.figure(Figure.BLENDED)) for reply in replies.values())
         if crushed and not self._crushed:
             self._tell("cells", f"{at}: {crushed} cells are squeezed beyond half: full quadrature")
         self._crushed = crushed
         for name, reply in replies.items():
-            if reply.alarm and name not in self._alarmed:
-                self._tell("monitor", f"{at}, {name}: {reply.alarm}", *reply.alarm_details)
-        self._alarmed = {name for name, reply in replies.items() if reply.alarm}
+            if reply.alarms and name not in self._alarmed:
+                details, texts = zip(*sorted(reply.alarms.items()), strict=True)
+                self._tell("monitor", f"{at}, {name}: {'; '.join(texts)}", *details)
+        self._alarmed = {name for name, reply in replies.items() if reply.alarms}
         if estimate is not None and estimate.too_large:
             self._tell("accuracy", f"{at}: estimated error of {estimate.text}")
 

@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from softseam_coupling.loops.loop import Outcome, StepRefused
+from softseam_protocol.messages.outcomes import SPENT, Figure
 from softseam_protocol.messages.participant import Advanced, ToolMotion
 
 FINEST = 128
@@ -68,6 +69,8 @@ class Subdivision:
         self._tries = False
 
 
+_LARGEST = (Figure.PENETRATION, Figure.RESIDUAL, Figure.STEP_ERROR)
+"""figures of a step that are the largest of its parts'"""
 _POSES = ("position", "orientation", "position_next", "orientation_next")
 
 
@@ -95,18 +98,14 @@ def sum_replies(parts: Sequence[Mapping[str, Advanced]]) -> dict[str, Advanced]:
         name: replace(
             last,
             tool_work=sum(part[name].tool_work for part in parts),
-            coupling_work=sum(part[name].coupling_work for part in parts),
-            passing=sum(part[name].passing for part in parts),
-            given=sum(part[name].given for part in parts),
-            iterations=sum(part[name].iterations for part in parts),
+            coupling=replace(last.coupling, work=sum(part[name].coupling.work for part in parts)),
             seconds=sum(part[name].seconds for part in parts),
-            penetration=max(part[name].penetration for part in parts),
-            n_substeps=sum(part[name].n_substeps for part in parts),
-            n_rejected=sum(part[name].n_rejected for part in parts),
-            step_error=max(part[name].step_error for part in parts),
-            residual=max(part[name].residual for part in parts),
-            alarm=next((part[name].alarm for part in parts if part[name].alarm), ""),
-            alarm_details=next((part[name].alarm_details for part in parts if part[name].alarm), []),
+            extras={
+                **last.extras,
+                **{each: sum(part[name].figure(each) for part in parts) for each in sorted(SPENT)},
+                **{each: max(part[name].figure(each) for part in parts) for each in _LARGEST},
+            },
+            alarms=next((part[name].alarms for part in parts if part[name].alarms), {}),
             wrench=np.mean([part[name].wrench for part in parts], axis=0),
         )
         for name, last in parts[-1].items()

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.messages.outcomes import Figure
 from softseam_protocol.messages.participant import Advanced
 from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import bounding_points

@@ -18,7 +18,7 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
 from softseam_protocol.messages.pile import Begun
-from softseam_protocol.participant.pile_state import join_states, split_states
+from softseam_protocol.participant.state import join_states, split_states
 from softseam_services.body.body import Floats
 from softseam_services.body.kernels.bounds import bound_points
 from softseam_services.request_check import problem_of
@@ -216,7 +216,7 @@ class PileSolver:
         return Fields(request_header, *nothing, bodies=each)
 
     def snapshot(self) -> bytes:
-        """Commit, then the snapshots of all bodies, see `softseam_protocol.participant.pile_state`."""
+        """Commit, then the snapshots of all bodies, see `softseam_protocol.participant.state`."""
         self.commit()
         return join_states(encode_state(self._committed(piece), np.zeros(0)) for piece in self.pieces)
 

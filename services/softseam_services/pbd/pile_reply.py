@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.outcomes import Detail, Status
-from softseam_protocol.messages.participant import Advanced
+from softseam_protocol.messages.outcomes import Detail, Figure, Status
+from softseam_protocol.messages.participant import Advanced, Coupled
 from softseam_protocol.messages.pile import Members, Note
 from softseam_services.body.body import Floats
 
@@ -41,7 +41,7 @@ def reply_of(
     wrench, dissipated = stepped.wrenches[awake], stepped.dissipated[awake]
     places = {number: place for place, number in enumerate(awake.tolist())} if said else {}
     notes = [
-        Note(places[number], fault.status, _why(fault), "; ".join(text.values()), list(text))
+        Note(places[number], fault.status, _why(fault), dict(text))
         for number, (fault, text) in sorted(said.items())
         if text or fault is not watch.Fault.NONE
     ]
@@ -71,27 +71,27 @@ def reply_of(
     return Advanced(
         header,
         wrong[0].status if wrong else Status.CONVERGED,
-        np.zeros((0, 3)),
-        np.zeros((0, 0)),
         wrench.sum(axis=0),
         float(rows[k.KINETIC].sum()),
         float(rows[k.STRAIN].sum()),
         float(rows[k.GRAVITY].sum()),
         float(rows[k.TOOL_WORK].sum()),
-        0.0,
         members.momentum.sum(axis=0),
         members.angular_momentum.sum(axis=0),
-        float(rows[k.PENETRATION].max(initial=0.0)),
-        float(rows[k.SLIP].max(initial=0.0)),
-        int(members.n_contacts.sum()),
-        int(members.iterations.max(initial=0)),
+        bounds,
         seconds,
         np.zeros(0),
-        bounds,
-        n_substeps=int(members.n_substeps.max(initial=1)),
-        residual=float(rows[k.RESIDUAL].max(initial=0.0)),
+        Coupled(),
+        extras={
+            Figure.CONTACTS: float(members.n_contacts.sum()),
+            Figure.PENETRATION: float(members.penetration.max(initial=0.0)),
+            Figure.SLIP: float(members.slip.max(initial=0.0)),
+            Figure.ITERATIONS: float(members.iterations.max(initial=0)),
+            Figure.SUBSTEPS: float(members.n_substeps.max(initial=1)),
+            Figure.RESIDUAL: float(members.residual.max(initial=0.0)),
+            Figure.DISSIPATED: float(dissipated.sum()),
+        },
         why=wrong[0].why if wrong else "",
-        dissipated=float(dissipated.sum()),
         members=members,
     )
 

@@ -5,7 +5,8 @@ import time
 import numpy as np
 
 from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
+from softseam_protocol.messages.outcomes import Figure
+from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Coupled, Fields
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.body.kernels.bounds import bound_points
@@ -106,32 +107,35 @@ class PbdSolver:
         return Advanced(
             header,
             taken.fault.status,
-            work.x.take(self._region.seam, axis=0),
-            compliance,
             taken.wrench.copy(),
             numbers[k.KINETIC],
             numbers[k.STRAIN],
             numbers[k.GRAVITY],
             numbers[k.TOOL_WORK],
-            numbers[k.SEAM_WORK],
             result[k.MOMENTUM : k.MOMENTUM + 3],
             result[k.ANGULAR : k.ANGULAR + 3],
-            numbers[k.PENETRATION],
-            numbers[k.SLIP],
-            int(numbers[k.N_CONTACTS]),
-            taken.sweeps,
+            result[k.BOUNDS : k.BOUNDS + 6].reshape(2, 3),
             time.perf_counter() - start,
             taken.distance.copy(),
-            result[k.BOUNDS : k.BOUNDS + 6].reshape(2, 3),
-            n_substeps=taken.n_substeps,
-            residual=numbers[k.RESIDUAL],
-            alarm="; ".join(taken.notice.values()),
-            coupling_v=seam_v,
-            correctable=self._correctable(),
+            Coupled(
+                x=work.x.take(self._region.seam, axis=0),
+                v=seam_v,
+                work=numbers[k.SEAM_WORK],
+                compliance=compliance,
+                correctable=self._correctable(),
+                sums=sums_of(self.parameters.mass, work.x, work.v) if len(self._region.seam) else NO_TURN,
+            ),
+            extras={
+                Figure.CONTACTS: numbers[k.N_CONTACTS],
+                Figure.PENETRATION: numbers[k.PENETRATION],
+                Figure.SLIP: numbers[k.SLIP],
+                Figure.ITERATIONS: float(taken.sweeps),
+                Figure.SUBSTEPS: float(taken.n_substeps),
+                Figure.RESIDUAL: numbers[k.RESIDUAL],
+                Figure.DISSIPATED: taken.dissipated,
+            },
             why=why,
-            alarm_details=list(taken.notice),
-            sums=sums_of(self.parameters.mass, work.x, work.v) if len(self._region.seam) else NO_TURN,
-            dissipated=taken.dissipated,
+            alarms=dict(taken.notice),
         )
 
     def _compliance(self, request: Advance) -> Floats:

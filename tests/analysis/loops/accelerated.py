@@ -48,7 +48,7 @@ class Accelerated:
         multipliers = self._found.begin(dt)
         for exchange in range(1, most + 1):
             replies = ask({name: PartRequest(part.force(multipliers)) for name, part in self._parts.items()})
-            left = gap_of(self._parts, {name: reply.coupling_x for name, reply in replies.items()}, self._offset)
+            left = gap_of(self._parts, {name: reply.coupling.x for name, reply in replies.items()}, self._offset)
             gap = largest(left)
             if not math.isfinite(gap):
                 raise StepDiverged("a part's answer is not finite")

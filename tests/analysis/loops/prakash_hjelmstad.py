@@ -69,7 +69,7 @@ class PrakashHjelmstad:
             )
             self._hear(replies, dt)
             rate = gap_of(
-                self._parts, {name: reply.coupling_v for name, reply in replies.items()}, np.zeros_like(start)
+                self._parts, {name: reply.coupling.v for name, reply in replies.items()}, np.zeros_like(start)
             )
             left = dt * rate + self._left  # eq. (1)
             if not math.isfinite(largest(left)):
@@ -85,10 +85,10 @@ class PrakashHjelmstad:
 
     def _hear(self, replies: Mapping[str, Advanced], dt: float) -> None:
         """Take the compliances, where they were asked for and all parts report theirs."""
-        if not self._found.asks or not all(reply.compliance.size for reply in replies.values()):
+        if not self._found.asks or not all(reply.coupling.compliance.size for reply in replies.values()):
             return
         for name, part in self._parts.items():
-            part.compliance = dt * replies[name].compliance
+            part.compliance = dt * replies[name].coupling.compliance
         self._found.set_compliance(np.sum([part.row_compliance() for part in self._parts.values()], axis=0))
 
     def _commit(
@@ -96,7 +96,7 @@ class PrakashHjelmstad:
     ) -> Outcome:
         self._found.commit(multipliers)
         self._left = left
-        gap = largest(gap_of(self._parts, {name: reply.coupling_x for name, reply in replies.items()}, self._offset))
+        gap = largest(gap_of(self._parts, {name: reply.coupling.x for name, reply in replies.items()}, self._offset))
         return Outcome(replies, multipliers, gap, exchanges, note)
 
     def forget_sent(self) -> None:

@@ -5,17 +5,17 @@ import time
 import numpy as np
 
 from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.outcomes import Detail
+from softseam_protocol.messages.outcomes import Detail, Figure
 from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
     BodyState,
     Capabilities,
     Correct,
+    Coupled,
     Fields,
     ToolMotion,
 )
-from softseam_protocol.messages.particles import ParticleReport
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Floats
 from softseam_services.body.particles import ParticleBody
@@ -99,27 +99,26 @@ class ParticleSolver:
         return Advanced(
             header=request.header,
             status=fault.status,
-            coupling_x=np.zeros((0, 3)),
-            compliance=np.zeros((0, 0)),
             wrench=taken.wrench.copy(),
             kinetic=float(result[k.KINETIC]),
             strain=float(work.strain[0]),
             gravity=float(result[k.GRAVITY]),
             tool_work=taken.tool_work,
-            coupling_work=0.0,
             momentum=result[k.MOMENTUM : k.MOMENTUM + 3].copy(),
             angular_momentum=result[k.ANGULAR : k.ANGULAR + 3].copy(),
-            penetration=float(result[k.PENETRATION]),
-            slip=float(result[k.SLIP]),
-            n_contacts=int(result[k.N_CONTACTS]),
-            iterations=taken.sweeps,
+            bounds=result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
             seconds=time.perf_counter() - began,
             cell_distance=np.zeros(0),
-            bounds=result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
-            alarm=alarm,
-            particles=self._measures(),
+            coupling=Coupled(),
+            extras={
+                Figure.CONTACTS: float(result[k.N_CONTACTS]),
+                Figure.PENETRATION: float(result[k.PENETRATION]),
+                Figure.SLIP: float(result[k.SLIP]),
+                Figure.ITERATIONS: float(taken.sweeps),
+                **self._measures(),
+            },
             why="" if fault is Fault.NONE else wrong or fault.value,
-            alarm_details=[Detail.INSIDE_OUT] if alarm else [],
+            alarms={Detail.INSIDE_OUT: alarm} if alarm else {},
         )
 
     def _alarm(self) -> str:
@@ -133,21 +132,21 @@ class ParticleSolver:
             return f"{strains:.0f} tetrahedra are crushed to nothing or inside out, and stay so: take law: neo_hookean"
         return ""
 
-    def _measures(self) -> ParticleReport:
+    def _measures(self) -> dict[str, float]:
         springs, (bend, off, off_total, _, n_bends), strains, pairs = self._scratch.measure[:4, :5].tolist()
         solid = self.parameters.body.solid
         of_solid = pairs if solid is not None and solid.law == "neo_hookean" else strains
         stretch, worst, total, most, count = springs if solid is None or self.parameters.classic else of_solid
-        return ParticleReport(
-            worst_stretch=most,
-            stretch_violation=worst,
-            stretch_violation_mean=total / max(count, 1.0),
-            bending_violation=off,
-            bending_violation_mean=off_total / max(n_bends, 1.0),
-            stretch_energy=stretch,
-            bending_energy=bend,
-            held=int(self._scratch.outputs.result[k.HELD]),
-        )
+        return {
+            Figure.WORST_STRETCH: most,
+            Figure.STRETCH_VIOLATION: worst,
+            Figure.STRETCH_VIOLATION_MEAN: total / max(count, 1.0),
+            Figure.BENDING_VIOLATION: off,
+            Figure.BENDING_VIOLATION_MEAN: off_total / max(n_bends, 1.0),
+            Figure.STRETCH_ENERGY: stretch,
+            Figure.BENDING_ENERGY: bend,
+            Figure.HELD: float(self._scratch.outputs.result[k.HELD]),
+        }
 
     def _measure(self, x: Floats) -> None:
         """How well constraints are met with particles at x (n, 3) [m]."""
