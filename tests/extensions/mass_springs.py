@@ -112,11 +112,9 @@ class MassSprings(Part):
         return np.asarray(np.maximum(press, 0.0)[:, None] * normal)
 
 
-def add() -> None:
-    """Add the model's row."""
-    MODELS.add("springs", ModelFacts(label="Springs", colour=(190, 150, 90), service="springs"))
-
+ROWS = ((MODELS, "springs", ModelFacts(label="Springs", colour=(190, 150, 90), service="springs")),)
 
 if __name__ == "__main__":
-    add()
+    for table, name, row in ROWS:
+        table.add(name, row)
     main(MassSprings, "springs")

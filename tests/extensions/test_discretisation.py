@@ -5,8 +5,6 @@ A body kind has a row that a scene reads, and one by which services build its po
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,9 +19,11 @@ from softseam.recording import Recording
 from softseam.replay import verify
 from softseam.report import ReportBuilder
 from softseam.view.snapshots import draw_snapshots
+from softseam_protocol.scene.bodies import BODIES
 from softseam_protocol.scene.regions import OwnRegions
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import NonNegative, Positive, Vector
+from softseam_services.bodies import DISCRETISATIONS, Points, Surface
 
 RADIUS, DENSITY, SPACING = 0.005, 1000.0, 0.0105
 WEIGHT = 27 * 9.81 * DENSITY * 4.0 / 3.0 * np.pi * RADIUS**3
@@ -43,26 +43,17 @@ class GrainsBody(OwnRegions):
     damping: NonNegative = Field(default=0.0, description="drag of still air: force over mass and velocity [1/s]")
 
 
-@pytest.fixture(autouse=True)
-def rows() -> Iterator[None]:
-    bodies: Any = import_module("softseam_services.bodies")
-    said: Any = import_module("softseam_protocol.scene.bodies")
+def build(spec: GrainsBody, files: Any) -> Points:
+    lattice = np.indices(spec.count).reshape(3, -1).T * spec.spacing
+    x = lattice - lattice.mean(axis=0) * (1, 1, 0) + spec.position
+    x[:, :2] += 1e-4 * np.random.default_rng(3).standard_normal((len(x), 2))  # columns that do not stand by chance
+    own, offset = np.arange(len(x)), np.tile(OCTAHEDRON, (len(x), 1))
+    surface = Surface(own.repeat(6), offset, (FACES + 6 * own[:, None, None]).reshape(-1, 3))
+    mass = np.full(len(x), spec.density * 4.0 / 3.0 * np.pi * spec.radius**3)
+    return Points(x_rest=x, mass=mass, surface=surface, damping=spec.damping)
 
-    def build(spec: GrainsBody, files: Any) -> Any:
-        lattice = np.indices(spec.count).reshape(3, -1).T * spec.spacing
-        x = lattice - lattice.mean(axis=0) * (1, 1, 0) + spec.position
-        x[:, :2] += 1e-4 * np.random.default_rng(3).standard_normal((len(x), 2))  # columns that do not stand by chance
-        own, offset = np.arange(len(x)), np.tile(OCTAHEDRON, (len(x), 1))
-        triangles = (FACES + 6 * own[:, None, None]).reshape(-1, 3)
-        surface = bodies.Surface(owner=own.repeat(6), offset=offset, triangles=triangles)
-        mass = np.full(len(x), spec.density * 4.0 / 3.0 * np.pi * spec.radius**3)
-        return bodies.Points(x_rest=x, mass=mass, surface=surface)
 
-    said.BODIES.add("grains", GrainsBody)
-    bodies.DISCRETISATIONS.add("grains", build)
-    yield
-    bodies.DISCRETISATIONS.remove("grains")
-    said.BODIES.remove("grains")
+ROWS = ((BODIES, "grains", GrainsBody), (DISCRETISATIONS, "grains", build))
 
 
 def scene(**changes: Any) -> Scene:

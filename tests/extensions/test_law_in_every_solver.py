@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, Literal
@@ -47,21 +46,8 @@ def respond(F, state, dt, parameters, P, A, following):  # type: ignore[no-untyp
     return (1.0 - g) * whole + g * fresh, g * (stale - fresh)
 
 
-def add() -> None:
-    law = Law(lambda spec, c: (c.mu, c.lambda_, FADES, TIME), small=True, state=9, respond=respond)
-    assert law.address  # it compiles
-    MATERIALS.add("fading", Fading)
-    LAWS.add("fading", law)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def rows() -> Iterator[None]:
-    add()
-    yield
-    MATERIALS.remove("fading")
-    LAWS.remove("fading")
-
-
+LAW = Law(lambda spec, c: (c.mu, c.lambda_, FADES, TIME), small=True, state=9, respond=respond)
+ROWS = ((MATERIALS, "fading", Fading), (LAWS, "fading", LAW))
 LOWER = {"model": "fem", "boxes": [{"min": [-1, -1, -1], "max": [1, 1, EDGE / 2]}]}
 BY_BOX = {"model": "fem", "within": 0.03, "tools": ["box"], "split": "always", "patience": 1}
 NEAR: dict[str, Any] = {"fem": None, "pbd": None, "cut": LOWER, "switched": BY_BOX}
@@ -120,7 +106,7 @@ def test_a_held_block_relaxes_and_its_energy_is_found(regions: str, element: str
 @pytest.mark.slow
 def test_a_killed_participant_goes_on_with_its_state(tmp_path: Path) -> None:
     """FEM dies in mid-relaxation and is restored: the same bits as in one process."""
-    with extended(tmp_path, "import test_law_in_every_solver\ntest_law_in_every_solver.add()\n") as (where, services):
+    with extended(tmp_path, "test_law_in_every_solver") as (where, services):
         with softseam.open(scene("cut"), connect=where) as sim, softseam.open(scene("cut")) as alone:
             taken(sim, 200)
             os.kill(services.pid("fem"), signal.SIGKILL)

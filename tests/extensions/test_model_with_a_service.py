@@ -8,19 +8,18 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import mass_springs
 import numpy as np
 import pytest
-from extended_services import extended
+from extended_services import added, extended
 
 import softseam
 from softseam.recording import Recording
 from softseam.report import ReportBuilder
 from softseam.view import colors
-from softseam_protocol.models import MODELS
 from softseam_protocol.scene.scene import Scene
 
 pytestmark = pytest.mark.slow
@@ -33,8 +32,7 @@ SOFTSEAM = str(Path(sys.executable).with_name("softseam"))
 @pytest.fixture(scope="module")
 def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Services that know the model's row, and its own service beside them."""
-    import_module("mass_springs").add()
-    with extended(tmp_path_factory.mktemp("services"), "import mass_springs\nmass_springs.add()\n") as (where, _):
+    with added(mass_springs), extended(tmp_path_factory.mktemp("services"), "mass_springs") as (where, _):
         command = [sys.executable, "-m", "mass_springs", "--connect", where]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             try:
@@ -42,7 +40,6 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
                 yield where
             finally:
                 process.terminate()
-    MODELS.remove("springs")
 
 
 def scene() -> Scene:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from io import StringIO
 from pathlib import Path
 from typing import Any, Literal
@@ -50,13 +49,7 @@ def beads(spec: BeadsBody, files: Any) -> Points:
     return Points(x_rest=x, mass=np.full(len(x), MASS), surface=surface)
 
 
-@pytest.fixture(autouse=True)
-def rows() -> Iterator[None]:
-    BODIES.add("beads", BeadsBody)
-    DISCRETISATIONS.add("beads", beads)
-    yield
-    DISCRETISATIONS.remove("beads")
-    BODIES.remove("beads")
+ROWS = ((BODIES, "beads", BeadsBody), (DISCRETISATIONS, "beads", beads))
 
 
 def scene(**changes: Any) -> Scene:
