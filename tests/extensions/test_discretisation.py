@@ -27,7 +27,7 @@ from softseam_services.bodies import DISCRETISATIONS, Points, Surface
 
 RADIUS, DENSITY, SPACING = 0.005, 1000.0, 0.0105
 WEIGHT = 27 * 9.81 * DENSITY * 4.0 / 3.0 * np.pi * RADIUS**3
-OCTAHEDRON = RADIUS * np.concatenate([np.eye(3), -np.eye(3)])
+CORNERS = np.concatenate([np.eye(3), -np.eye(3)])  # of an octahedron
 FACES = np.array([[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]])
 
 
@@ -47,7 +47,7 @@ def build(spec: GrainsBody, files: Any) -> Points:
     lattice = np.indices(spec.count).reshape(3, -1).T * spec.spacing
     x = lattice - lattice.mean(axis=0) * (1, 1, 0) + spec.position
     x[:, :2] += 1e-4 * np.random.default_rng(3).standard_normal((len(x), 2))  # columns that do not stand by chance
-    own, offset = np.arange(len(x)), np.tile(OCTAHEDRON, (len(x), 1))
+    own, offset = np.arange(len(x)), np.tile(spec.radius * CORNERS, (len(x), 1))
     surface = Surface(own.repeat(6), offset, (FACES + 6 * own[:, None, None]).reshape(-1, 3))
     mass = np.full(len(x), spec.density * 4.0 / 3.0 * np.pi * spec.radius**3)
     return Points(x_rest=x, mass=mass, surface=surface, damping=spec.damping)
