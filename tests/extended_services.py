@@ -27,14 +27,27 @@ def add(*modules: ModuleType) -> None:
             table.add(name, row)
 
 
+def remove(*modules: ModuleType) -> None:
+    """Take them out again."""
+    for module in modules:
+        for table, name, _ in getattr(module, "ROWS", ()):
+            table.remove(name)
+
+
 @contextmanager
 def added(*modules: ModuleType) -> Iterator[None]:
     """These rows are there meanwhile."""
     add(*modules)
     yield
-    for module in modules:
-        for table, name, _ in getattr(module, "ROWS", ()):
-            table.remove(name)
+    remove(*modules)
+
+
+@contextmanager
+def without(*modules: ModuleType) -> Iterator[None]:
+    """These rows are not there meanwhile."""
+    remove(*modules)
+    yield
+    add(*modules)
 
 
 @contextmanager

@@ -11,10 +11,13 @@ from typing import Any
 import mass_springs
 import numpy as np
 import pytest
+import rerun as rr
+from extended_services import without
 from mass_springs import MassSprings
 
 import softseam
-from softseam.recording import Recording
+from softseam.recording import Recording, RecordingError
+from softseam.replay import convert
 from softseam.report import ReportBuilder
 from softseam.view import colors
 from softseam_protocol.messages.participant import Configure, Configured
@@ -27,6 +30,7 @@ from softseam_services.solvers import SOLVERS
 
 EDGE, FALL, DENSITY, STEP = 0.03, 0.003, 1000.0, 5e-3
 WEIGHT = 9.81 * DENSITY * EDGE**3
+TAN = (190, 150, 90)
 WALLS = {"left": (-1, 0), "right": (1, 0), "front": (0, -1), "back": (0, 1)}
 
 
@@ -75,7 +79,20 @@ def test_it_comes_to_rest_under_its_own_name(tmp_path: Path) -> None:
     assert report["wall"]["springs"] > 0.0 and report["wall"]["springs"] == pytest.approx(
         columns["seconds.springs"].sum()
     )
-    assert [*colors.parts(columns.models).values()] == [("Springs", (190, 150, 90))]
+    assert [*colors.parts(columns.models).values()] == [("Springs", TAN)]
+    cut = {"body.near": "fem", "body.far": "springs"}
+    assert colors.parts(cut)["body.far"] == ("far part: Springs", TAN) and colors.tones("body", cut)[1] == TAN
+    convert.convert(recording, rr.RecordingStream("springs"))
+
+
+def test_a_recording_of_it_asks_for_its_row(tmp_path: Path) -> None:
+    with softseam.open(scene(), record=tmp_path / "falls.mcap") as sim:
+        sim.run(max_steps=1)
+    with (
+        without(mass_springs),
+        pytest.raises(RecordingError, match=r"springs.*name the extension that adds it in SOFT"),
+    ):
+        Recording(tmp_path / "falls.mcap")
 
 
 def test_a_snapshot_of_it_goes_on_with_the_same_bits() -> None:
