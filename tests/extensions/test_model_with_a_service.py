@@ -12,7 +12,8 @@ import mass_springs
 import numpy as np
 import pytest
 import rerun as rr
-from extended_services import without
+import test_discretisation as grains
+from extended_services import added, without
 from mass_springs import MassSprings
 
 import softseam
@@ -102,3 +103,11 @@ def test_a_snapshot_of_it_goes_on_with_the_same_bits() -> None:
         after = [sim.step().positions for _ in range(5)]
         sim.restore(kept)
         np.testing.assert_array_equal([sim.step().positions for _ in range(5)], after)
+
+
+def test_it_moves_points_without_cells() -> None:
+    """The ground carries the weight of grains that fall, to 1e-6, and they sink in by as much as they are to."""
+    with added(grains), softseam.open(grains.scene(regions={"default": "springs"})) as sim:
+        seen = sim.run(fields=True)
+    assert seen.wrench["ground"][2] == pytest.approx(-grains.WEIGHT, rel=1e-6)
+    np.testing.assert_allclose(seen.positions[:, 2], grains.RADIUS * (1.0 - mass_springs.SUNK), rtol=1e-6)
