@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Configure, ToolMotion
-from softseam_protocol.models import MODELS, ModelFacts
+from softseam_protocol.models import MODELS, Matter, ModelFacts
 from softseam_protocol.participant.part import Part
 from softseam_protocol.participant.serve import main
 from softseam_protocol.participant.state import State
@@ -66,7 +66,11 @@ class MassSprings(Part):
         k = np.array([0.0, h * (2.0 * mu - lam) / 4.0, h * lam / 2.0, 0.0])[apart]
         joins = k > 0.0
         pairs = np.stack([corners[..., first[joins]], corners[..., second[joins]]], axis=-1).reshape(-1, 2)
-        return pairs, np.tile(k[joins], corners.size // 8), np.repeat(np.arange(len(corners)), 8 * joins.sum())
+        return (
+            pairs.astype(np.intp),
+            np.tile(k[joins], corners.size // 8),
+            np.repeat(np.arange(len(corners)), 8 * joins.sum()),
+        )
 
     def step(self, state: State, dt: float, force: Floats, tools: ToolMotion) -> State:
         mass, free = self.mesh.mass[:, None], (self.mesh.fixed == 0)[:, None]
@@ -122,7 +126,7 @@ class MassSprings(Part):
         return np.asarray(np.maximum(press, 0.0)[:, None] * normal)
 
 
-TAKES = frozenset({"cells", "particles"})
+TAKES: frozenset[Matter] = frozenset({"cells", "particles"})
 ROWS = ((MODELS, "springs", ModelFacts("Springs", colour=(190, 150, 90), service="springs", takes=TAKES)),)
 
 if __name__ == "__main__":

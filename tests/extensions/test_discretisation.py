@@ -5,20 +5,13 @@ A body kind has a row that a scene reads, and one by which services build its po
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pytest
-from matplotlib.image import imread
 from pydantic import Field
 
 import softseam
-from softseam.embedded import resimulate
-from softseam.recording import Recording
-from softseam.replay import verify
-from softseam.report import ReportBuilder
-from softseam.view.snapshots import draw_snapshots
 from softseam_protocol.scene.bodies import BODIES
 from softseam_protocol.scene.regions import OwnRegions
 from softseam_protocol.scene.scene import Scene
@@ -67,22 +60,13 @@ def scene(**changes: Any) -> Scene:
     return Scene.model_validate(data | changes)
 
 
-def test_grains_are_weighed_drawn_recorded_and_replayed(tmp_path: Path) -> None:
-    """The ground carries their weight to 1 %: motion fades as exp(-20 t). A replay is the run, bit for bit."""
-    with softseam.open(scene(), record=tmp_path / "grains.mcap") as sim:
+def test_grains_are_weighed() -> None:
+    """The ground carries their weight to 1 %: motion fades as exp(-20 t)."""
+    with softseam.open(scene()) as sim:
         seen = sim.run(fields=True)
     assert seen.wrench["ground"][2] == pytest.approx(-WEIGHT, rel=0.01)
     apart = np.linalg.norm(seen.positions[:, None] - seen.positions, axis=2)[np.triu_indices(27, 1)]
     assert apart.min() > 1.8 * RADIUS and seen.positions[:, 2].min() > 0.9 * RADIUS
-    recording = Recording(tmp_path / "grains.mcap")
-    *_, last = recording.frames()
-    np.testing.assert_array_equal(last.x, seen.positions)
-    assert last.point_x.shape == (6 * 27, 3) and verify(recording, resimulate).same
-    builder = ReportBuilder(recording.bundle, facts=recording.facts)
-    for message in recording:
-        builder.add(message)
-    picture = imread(draw_snapshots(recording, builder, tmp_path / "grains.png"))
-    assert (np.ptp(picture[..., :3], axis=2) > 0.15).mean() > 0.01  # pixels that are neither paper, ink nor ground
 
 
 def test_restored_grains_fall_with_the_same_bits() -> None:

@@ -1,6 +1,6 @@
 """Every thing that is added from outside, over the bus: the same bits as in one process, restored, and after deaths.
 
-Services import this module, and so the rows of the proofs beside it; these say that what comes out is right.
+Services import the proofs beside this, and so their rows; these say that what comes out is right.
 """
 
 from __future__ import annotations
@@ -47,6 +47,8 @@ MODULES: tuple[Any, ...] = (
     test_rung,
 )
 ROWS = tuple(row for module in MODULES for row in module.ROWS)
+SERVED = (*(module.__name__ for module in MODULES if module is not test_model_with_a_service), "mass_springs")
+"""modules that services import: to them the model's service is another's"""
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ class Services:
 
 @pytest.fixture(scope="module")
 def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
-    with extended(tmp_path_factory.mktemp("services"), __name__) as (where, supervised):
+    with extended(tmp_path_factory.mktemp("services"), *SERVED) as (where, supervised):
         found = Services(where, supervised)
         yield found
         found.stop()

@@ -30,7 +30,8 @@ class Pad:
     def __init__(self, spec: PadSpec, a: Meeting, b: Meeting) -> None:
         faces = a.x_rest[:, 2] > a.x_rest[:, 2].max() - 1e-9, b.x_rest[:, 2] < b.x_rest[:, 2].min() + 1e-9
         self.nodes = tuple(np.flatnonzero(face).astype(np.int32) for face in faces)
-        self.weights = tuple(np.full((1, len(nodes)), 1.0 / len(nodes)) for nodes in self.nodes)
+        first, second = (np.full((1, len(nodes)), 1.0 / len(nodes)) for nodes in self.nodes)
+        self.weights = first, second
         self.spec, self.rest = spec, self.stretch(a.x_rest[self.nodes[0]], b.x_rest[self.nodes[1]])
         self.last = self.rest
 
