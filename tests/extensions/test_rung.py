@@ -11,7 +11,6 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from pydantic import Field
-from scipy.interpolate import RegularGridInterpolator
 
 import softseam
 from softseam_coupling import ladder
@@ -24,6 +23,8 @@ EDGE, STEP, UP, DOWN, STEPS = 0.04, 2e-3, 10, 25, 40  # it goes up and down afte
 
 def interpolated(x_rest: Any, values: Any, at: Any) -> Any:
     """Values of a lattice's nodes at other places, linear between them."""
+    from scipy.interpolate import RegularGridInterpolator  # services that import this module need it where it climbs
+
     lines = [np.unique(along.round(9)) for along in x_rest.T]
     order = np.lexsort(x_rest.round(9).T[::-1])
     grid = values[order].reshape(*(len(line) for line in lines), 3)
