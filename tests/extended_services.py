@@ -1,4 +1,4 @@
-"""Services of this machine that know an extension, for tests of what is added from outside."""
+"""Rows that an extension adds, here and in services of this machine, for tests of what is added from outside."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -19,11 +20,42 @@ READY = 300.0
 EXTENSIONS = Path(__file__).parent / "extensions"
 
 
+def add(*modules: ModuleType) -> None:
+    """Add what modules of tests/extensions name as ROWS: table, name, row."""
+    for module in modules:
+        for table, name, row in getattr(module, "ROWS", ()):
+            table.add(name, row)
+
+
+def remove(*modules: ModuleType) -> None:
+    """Take them out again."""
+    for module in modules:
+        for table, name, _ in getattr(module, "ROWS", ()):
+            table.remove(name)
+
+
 @contextmanager
-def extended(folder: Path, text: str) -> Iterator[tuple[str, Supervisor]]:
-    """Real services that import a module with this text, which may import tests/extensions: their endpoint, and their
-    supervisor. Processes that are started meanwhile import it, too."""
-    (folder / "known_here.py").write_text(text)
+def added(*modules: ModuleType) -> Iterator[None]:
+    """These rows are there meanwhile."""
+    add(*modules)
+    yield
+    remove(*modules)
+
+
+@contextmanager
+def without(*modules: ModuleType) -> Iterator[None]:
+    """These rows are not there meanwhile."""
+    remove(*modules)
+    yield
+    add(*modules)
+
+
+@contextmanager
+def extended(folder: Path, *modules: str) -> Iterator[tuple[str, Supervisor]]:
+    """Real services that know the ROWS of these modules of tests/extensions: their endpoint, and their supervisor.
+    Processes that are started meanwhile know them, too."""
+    names = ", ".join(modules)
+    (folder / "known_here.py").write_text(f"import {names}\nfrom extended_services import add\n\nadd({names})\n")
     with socket.create_server(("127.0.0.1", 0)) as probe:
         where = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
     with pytest.MonkeyPatch.context() as patch:

@@ -15,14 +15,17 @@ from pathlib import Path
 from typing import BinaryIO, TypeVar
 
 from mcap.records import Attachment, Header, Message, Metadata
+from pydantic import ValidationError
 
 from softseam.errors import SoftseamError
 from softseam.record_stream import MAGIC, Damage, Group, index_is_whole, walk
 from softseam_protocol.errors import ProtocolError
+from softseam_protocol.extensions import VARIABLE
 from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import SurfaceMesh
 from softseam_protocol.messages.session import Event, Frame, StepReport
+from softseam_protocol.scene.file import SceneError, parse_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.wire import codec
 
@@ -93,7 +96,7 @@ class Recording:
             files={n.removeprefix("files/"): data for n, data in self._files.items() if n.startswith("files/")},
         )
         """the scene and its files, as they were simulated"""
-        self.scene = Scene.model_validate_json(self.bundle.scene)
+        self.scene = _scene_of(self.bundle.scene, self.path)
         self.seed = int(self.metadata.get("seed", self.scene.seed))
         if not self.surfaces and self.counts.get("Frame"):
             self._build_surfaces()
@@ -285,3 +288,15 @@ def _newest(path: Path) -> Path:
     if not files:
         raise RecordingError(f"there is no recording (*.mcap) in the folder {path}")
     return files[-1]
+
+
+def _scene_of(text: str, path: Path) -> Scene:
+    """Raises RecordingError for a scene with what this process does not know."""
+    try:
+        return Scene.model_validate_json(text)
+    except ValidationError:  # which the scene's own reader puts in words
+        pass
+    try:
+        return parse_scene(text, f"scene of {path}")
+    except SceneError as error:
+        raise RecordingError(f"{error}; name the extension that adds it in {VARIABLE}") from None

@@ -4,7 +4,8 @@
 
 Springs along the edges (k1) and the face diagonals (k2) of cubes of edge h are a solid, along its axes with
 C11 = (k1 + 2 k2)/h and C12 = C44 = k2/h (Born's lattice without bending), k1 being shared by four cubes and k2 by two.
-So k2 = h lambda and k1 = h (2 mu - lambda) meet Young's modulus, and Poisson's ratio up to 1/3. Planes press on masses.
+So k2 = h lambda and k1 = h (2 mu - lambda) meet Young's modulus, and Poisson's ratio up to 1/3. Planes press on masses;
+those of a body without cells are grains, as large as its surface says.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Configure, ToolMotion
-from softseam_protocol.models import MODELS, ModelFacts
+from softseam_protocol.models import MODELS, Matter, ModelFacts
 from softseam_protocol.participant.part import Part
 from softseam_protocol.participant.serve import main
 from softseam_protocol.participant.state import State
@@ -22,8 +23,11 @@ Floats = NDArray[np.float64]
 
 DAMPING, SAFETY = 0.7, 0.5
 """force over rate of a spring, in stiffness over the fastest swing [1]; of a substep [1]"""
+G, SUNK = 9.81, 1e-3
+"""[m/s^2]; depth to which a grain's weight sinks in, a share of its radius [1]"""
 PROBE = 1e-6
-"""force by which it is found how the masses yield, a share of k h [1]"""
+"""force by which it is found how the masses yield, a share of k times a spring's length [1]"""
+NOTHING = np.zeros((0, 2), np.intp), np.zeros(0), np.zeros(0, np.intp)
 _OCTANTS = np.array([[i + 3 * j + 9 * k for i in (a, a + 1) for j in (b, b + 1) for k in (c, c + 1)]
                      for a in (0, 1) for b in (0, 1) for c in (0, 1)])  # fmt: skip
 """corners of each octant of a cell in its lattice (8, 8)"""
@@ -34,31 +38,39 @@ class MassSprings(Part):
 
     def __init__(self, request: Configure) -> None:
         super().__init__(request)
-        rest, material, corners = self.mesh.x_rest, self.body["material"], self.mesh.cell_nodes[:, _OCTANTS]
-        edges = np.ptp(rest[corners], axis=2)
-        self.h = float(edges.mean())
-        if np.abs(edges - self.h).max() > 1e-6 * self.h or material["poisson"] > 1.0 / 3.0:
-            raise ValueError("springs need cells that are cubes and a Poisson's ratio of at most 1/3")
-        mu = 0.5 * material["young"] / (1.0 + material["poisson"])
-        lam = 2.0 * mu * material["poisson"] / (1.0 - 2.0 * material["poisson"])
-        first, second = np.triu_indices(8, 1)
-        apart = np.array([bin(a ^ b).count("1") for a, b in zip(first, second, strict=True)])
-        k = np.array([0.0, self.h * (2.0 * mu - lam) / 4.0, self.h * lam / 2.0, 0.0])[apart]
-        self.pairs = np.stack([corners[..., first[k > 0.0]], corners[..., second[k > 0.0]]], axis=-1).reshape(-1, 2)
-        self.k, self.cell = (
-            np.tile(k[k > 0.0], corners.size // 8),
-            np.repeat(np.arange(len(corners)), 8 * (k > 0).sum()),
-        )
-        self.length = np.linalg.norm(np.subtract(*rest[self.pairs.T]), axis=1)
-        degree = np.bincount(self.pairs.ravel(), np.repeat(self.k, 2), len(rest))
-        self.firm = float(degree.max())
-        self.fastest = float(np.sqrt(2.0 * (degree + self.firm) / self.mesh.mass).max())
+        cells, mass = len(self.mesh.cell_nodes), self.mesh.mass
+        self.pairs, self.k, self.cell = self._springs() if cells else NOTHING
+        self.length = np.linalg.norm(np.subtract(*self.mesh.x_rest[self.pairs.T]), axis=1)
+        self.radius = 0.0 if cells else float(np.linalg.norm(self.mesh.point_local, axis=1).max())
+        degree = np.bincount(self.pairs.ravel(), np.repeat(self.k, 2), len(mass))
+        self.firm = float(degree.max() if cells else G * mass.max() / (SUNK * self.radius))
+        self.fastest = float(np.sqrt(2.0 * (degree + self.firm) / mass).max())
         tools = self.scene.get("tools", {})
         self.planes = {
             i: np.array(tool.get("normal", (0, 0, 1))) / np.linalg.norm(tool.get("normal", (0, 0, 1)))
             for i, tool in enumerate(tools.values()) if tool["kind"] == "plane"
         }  # fmt: skip
         self.n_tools, self.drag = len(tools), self.body.get("damping", 0.0)
+
+    def _springs(self) -> tuple[NDArray[np.intp], Floats, NDArray[np.intp]]:
+        """The ends of each spring (m, 2), its stiffness [N/m] and its cell (m,)."""
+        material, corners = self.body["material"], self.mesh.cell_nodes[:, _OCTANTS]
+        edges = np.ptp(self.mesh.x_rest[corners], axis=2)
+        h = float(edges.mean())
+        if np.abs(edges - h).max() > 1e-6 * h or material["poisson"] > 1.0 / 3.0:
+            raise ValueError("springs need cells that are cubes and a Poisson's ratio of at most 1/3")
+        mu = 0.5 * material["young"] / (1.0 + material["poisson"])
+        lam = 2.0 * mu * material["poisson"] / (1.0 - 2.0 * material["poisson"])
+        first, second = np.triu_indices(8, 1)
+        apart = np.array([bin(a ^ b).count("1") for a, b in zip(first, second, strict=True)])
+        k = np.array([0.0, h * (2.0 * mu - lam) / 4.0, h * lam / 2.0, 0.0])[apart]
+        joins = k > 0.0
+        pairs = np.stack([corners[..., first[joins]], corners[..., second[joins]]], axis=-1).reshape(-1, 2)
+        return (
+            pairs.astype(np.intp),
+            np.tile(k[joins], corners.size // 8),
+            np.repeat(np.arange(len(corners)), 8 * joins.sum()),
+        )
 
     def step(self, state: State, dt: float, force: Floats, tools: ToolMotion) -> State:
         mass, free = self.mesh.mass[:, None], (self.mesh.fixed == 0)[:, None]
@@ -79,11 +91,13 @@ class MassSprings(Part):
 
     def strain_energy(self, state: State) -> Floats:
         stretch = self._stretch(state.x)[1]
-        return np.asarray(np.bincount(self.cell, 0.5 * self.k * stretch**2, len(self.mesh.cell_nodes)), dtype=float)
+        energy = np.zeros(len(self.mesh.cell_nodes))
+        np.add.at(energy, self.cell, 0.5 * self.k * stretch**2)
+        return energy
 
     def response(self, state: State, dt: float) -> Floats:
         """By steps under a small force each, without tools."""
-        size, none = PROBE * float(self.k.max()) * self.h, np.zeros((0, 3))
+        size, none = PROBE * float((self.k * self.length).max()), np.zeros((0, 3))
         planes, self.planes, still = self.planes, {}, ToolMotion(none, np.zeros((0, 4)), none, np.zeros((0, 4)))
         forces = np.concatenate([np.zeros((1, len(self.coupling) * 3)), size * np.eye(len(self.coupling) * 3)])
         ends = [self.step(state, dt, one.reshape(-1, 3), still).x.ravel() for one in forces]
@@ -107,16 +121,15 @@ class MassSprings(Part):
 
     def _pressed(self, x: Floats, v: Floats, point: Floats, normal: Floats) -> Floats:
         """Forces of a plane (n, 3) [N]."""
-        depth = -(x - point) @ normal
+        depth = self.radius - (x - point) @ normal
         press = np.where(depth > 0.0, self.firm * (depth - DAMPING / self.fastest * (v @ normal)), 0.0)
         return np.asarray(np.maximum(press, 0.0)[:, None] * normal)
 
 
-def add() -> None:
-    """Add the model's row."""
-    MODELS.add("springs", ModelFacts(label="Springs", colour=(190, 150, 90), service="springs"))
-
+TAKES: frozenset[Matter] = frozenset({"cells", "particles"})
+ROWS = ((MODELS, "springs", ModelFacts("Springs", colour=(190, 150, 90), service="springs", takes=TAKES)),)
 
 if __name__ == "__main__":
-    add()
+    for table, name, row in ROWS:
+        table.add(name, row)
     main(MassSprings, "springs")

@@ -6,15 +6,14 @@ x, so that forces are as large as their reactions, and so are their moments.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
-from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
 import pytest
 
 import softseam
+from softseam_coupling.interfaces import KINDS, Meeting, Rows
+from softseam_protocol.scene.interfaces import INTERFACES, InterfaceSpec
 from softseam_protocol.scene.scene import Scene
 
 PRESSED: list[float] = []  # least and largest multiplier along the normal of each step [N]
@@ -24,45 +23,42 @@ FIRM = 20.0 * YOUNG * EDGE**2 / (0.5 * EDGE)  # twenty times a layer of cells: a
 MODELS, SOLVED = [("fem", "fem"), ("fem", "pbd"), ("pbd", "pbd")], {"fem": {"tolerance": 1e-10}}
 
 
+class RestsSpec(InterfaceSpec):
+    kind: Literal["rests"] = "rests"
+
+
+class Rests:
+    """A row a point: g along the plane's normal is not negative, nor is the force, and one of both is nothing."""
+
+    def __init__(self, spec: RestsSpec, a: Meeting, b: Meeting) -> None:
+        faces = a.x_rest[:, 2] < a.x_rest[:, 2].min() + 1e-9, b.x_rest[:, 2] > b.x_rest[:, 2].max() - 1e-9
+        self.nodes = tuple(np.flatnonzero(face).astype(np.int32) for face in faces)
+
+    def rows(self, x: tuple[Any, Any], dt: float) -> Rows:
+        (points, face), n, middle = x, len(self.nodes[0]), x[1].mean(axis=0)
+        axes = np.linalg.svd(face - middle)[2]  # two in the plane, then its normal
+        axes[2] *= np.sign(axes[2, 2])
+        fit, at = (np.c_[np.ones(len(each)), (each - middle) @ axes[:2].T] for each in (face, points))
+        weights = np.eye(n), at @ np.linalg.pinv(fit)
+        self.normal = np.tile(axes[2], (n, 1))
+        return Rows(weights, np.zeros((n, 3)), compliance=np.full(n, n / FIRM), normal=self.normal)
+
+    def commit(self, x: tuple[Any, Any], multipliers: Any, dt: float) -> None:
+        pressed = (multipliers * self.normal).sum(axis=1)
+        PRESSED.extend((pressed.min(), pressed.max()))
+
+    def save(self) -> dict[str, Any]:
+        return {}
+
+    def load(self, arrays: Any) -> None: ...
+
+
 @pytest.fixture(autouse=True)
-def rows() -> Iterator[None]:
-    said = import_module("softseam_protocol.scene.interfaces")
-    coupling: Any = import_module("softseam_coupling.interfaces")
-
-    class RestsSpec(said.InterfaceSpec):  # type: ignore[misc, name-defined]
-        kind: Literal["rests"] = "rests"
-
-    class Rests:
-        """A row a point: g along the plane's normal is not negative, nor is the force, and one of both is nothing."""
-
-        def __init__(self, spec: RestsSpec, a: Any, b: Any) -> None:
-            faces = a.x_rest[:, 2] < a.x_rest[:, 2].min() + 1e-9, b.x_rest[:, 2] > b.x_rest[:, 2].max() - 1e-9
-            self.nodes = tuple(np.flatnonzero(face).astype(np.int32) for face in faces)
-
-        def rows(self, x: tuple[Any, Any], dt: float) -> Any:
-            (points, face), n, middle = x, len(self.nodes[0]), x[1].mean(axis=0)
-            axes = np.linalg.svd(face - middle)[2]  # two in the plane, then its normal
-            axes[2] *= np.sign(axes[2, 2])
-            fit, at = (np.c_[np.ones(len(each)), (each - middle) @ axes[:2].T] for each in (face, points))
-            weights = np.eye(n), at @ np.linalg.pinv(fit)
-            self.normal = np.tile(axes[2], (n, 1))
-            return coupling.Rows(weights, np.zeros((n, 3)), compliance=np.full(n, n / FIRM), normal=self.normal)
-
-        def commit(self, x: tuple[Any, Any], multipliers: Any, dt: float) -> None:
-            pressed = (multipliers * self.normal).sum(axis=1)
-            PRESSED.extend((pressed.min(), pressed.max()))
-
-        def save(self) -> dict[str, Any]:
-            return {}
-
-        def load(self, arrays: Any) -> None: ...
-
-    said.INTERFACES.add("rests", RestsSpec)
-    coupling.KINDS.add("rests", Rests)
+def nothing_pressed() -> None:
     PRESSED.clear()
-    yield
-    said.INTERFACES.remove("rests")
-    coupling.KINDS.remove("rests")
+
+
+ROWS = ((INTERFACES, "rests", RestsSpec), (KINDS, "rests", Rests))
 
 
 def scene(models: tuple[str, str], duration: float, throw: float = 0.0) -> Scene:
@@ -79,7 +75,7 @@ def scene(models: tuple[str, str], duration: float, throw: float = 0.0) -> Scene
     data: dict[str, Any] = {"softseam": 1, "name": "rests", "gravity": gravity, "step": STEP, "duration": duration}
     data |= {"bodies": {"lower": lower, "upper": upper}, "tools": {"ground": {"kind": "plane"}}}
     touch = {"touch": {"kind": "rests", "between": ["upper", "lower"]}}
-    return Scene.model_validate(json.loads(json.dumps(data | {"interfaces": touch, "models": SOLVED})))
+    return Scene.model_validate(data | {"interfaces": touch, "models": SOLVED})
 
 
 @pytest.mark.parametrize("models", MODELS)

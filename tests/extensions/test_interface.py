@@ -5,9 +5,6 @@ Two blocks of mass m that it joins swing about one another as two masses on a sp
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
-from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
@@ -15,54 +12,48 @@ import pytest
 from pydantic import Field
 
 import softseam
+from softseam_coupling.interfaces import KINDS, Meeting, Rows
+from softseam_protocol.scene.interfaces import INTERFACES, InterfaceSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import Positive
 
 
-@pytest.fixture(autouse=True)
-def rows() -> Iterator[None]:
-    said = import_module("softseam_protocol.scene.interfaces")
-    coupling: Any = import_module("softseam_coupling.interfaces")
-
-    class PadSpec(said.InterfaceSpec):  # type: ignore[misc, name-defined]
-        kind: Literal["pad"] = "pad"
-        stiffness: Positive = Field(description="force over the pad's stretch [N/m]")
-        damping: float = Field(default=0.0, ge=0.0, description="force over the rate of its stretch [N s/m]")
-
-    class Pad:
-        """One row: the mean of one face is drawn to that of the other, lambda = -k (g - g_0) - c g'."""
-
-        def __init__(self, spec: PadSpec, a: Any, b: Any) -> None:
-            faces = a.x_rest[:, 2] > a.x_rest[:, 2].max() - 1e-9, b.x_rest[:, 2] < b.x_rest[:, 2].min() + 1e-9
-            self.nodes = tuple(np.flatnonzero(face).astype(np.int32) for face in faces)
-            self.weights = tuple(np.full((1, len(nodes)), 1.0 / len(nodes)) for nodes in self.nodes)
-            self.spec, self.rest = spec, self.stretch(a.x_rest[self.nodes[0]], b.x_rest[self.nodes[1]])
-            self.last = self.rest
-
-        def stretch(self, x_a: Any, x_b: Any) -> Any:
-            return self.weights[0] @ x_a - self.weights[1] @ x_b
-
-        def rows(self, x: tuple[Any, Any], dt: float) -> Any:
-            k, rate = self.spec.stiffness, self.spec.damping / dt
-            offset = (k * self.rest + rate * self.stretch(*x)) / (k + rate)
-            return coupling.Rows(self.weights, offset, compliance=np.array([1.0 / (k + rate)]))
-
-        def commit(self, x: tuple[Any, Any], multipliers: Any, dt: float) -> None:
-            self.last = self.stretch(*x)
-
-        def save(self) -> dict[str, Any]:
-            return {"last": self.last}
-
-        def load(self, arrays: Any) -> None:
-            self.last = arrays["last"]
-
-    said.INTERFACES.add("pad", PadSpec)
-    coupling.KINDS.add("pad", Pad)
-    yield
-    said.INTERFACES.remove("pad")
-    coupling.KINDS.remove("pad")
+class PadSpec(InterfaceSpec):
+    kind: Literal["pad"] = "pad"
+    stiffness: Positive = Field(description="force over the pad's stretch [N/m]")
+    damping: float = Field(default=0.0, ge=0.0, description="force over the rate of its stretch [N s/m]")
 
 
+class Pad:
+    """One row: the mean of one face is drawn to that of the other, lambda = -k (g - g_0) - c g'."""
+
+    def __init__(self, spec: PadSpec, a: Meeting, b: Meeting) -> None:
+        faces = a.x_rest[:, 2] > a.x_rest[:, 2].max() - 1e-9, b.x_rest[:, 2] < b.x_rest[:, 2].min() + 1e-9
+        self.nodes = tuple(np.flatnonzero(face).astype(np.int32) for face in faces)
+        first, second = (np.full((1, len(nodes)), 1.0 / len(nodes)) for nodes in self.nodes)
+        self.weights = first, second
+        self.spec, self.rest = spec, self.stretch(a.x_rest[self.nodes[0]], b.x_rest[self.nodes[1]])
+        self.last = self.rest
+
+    def stretch(self, x_a: Any, x_b: Any) -> Any:
+        return self.weights[0] @ x_a - self.weights[1] @ x_b
+
+    def rows(self, x: tuple[Any, Any], dt: float) -> Rows:
+        k, rate = self.spec.stiffness, self.spec.damping / dt
+        offset = (k * self.rest + rate * self.last) / (k + rate)
+        return Rows(self.weights, offset, compliance=np.array([1.0 / (k + rate)]))
+
+    def commit(self, x: tuple[Any, Any], multipliers: Any, dt: float) -> None:
+        self.last = self.stretch(*x)
+
+    def save(self) -> dict[str, Any]:
+        return {"last": self.last}
+
+    def load(self, arrays: Any) -> None:
+        self.last = arrays["last"]
+
+
+ROWS = ((INTERFACES, "pad", PadSpec), (KINDS, "pad", Pad))
 EDGE, DENSITY, STIFFNESS, SPEED, STEP = 0.04, 1000.0, 50.0, 0.02, 1e-3
 MASS = DENSITY * EDGE**3
 PERIOD = 2.0 * np.pi * np.sqrt(0.5 * MASS / STIFFNESS)
@@ -82,12 +73,12 @@ def scene(models: tuple[str, str], damping: float = 0.0) -> Scene:
     }
     pad = {"kind": "pad", "between": ["lower", "upper"], "stiffness": STIFFNESS, "damping": damping}
     data = {"softseam": 1, "name": "pad", "gravity": [0, 0, 0], "step": STEP, "duration": 2.5 * PERIOD}
-    return Scene.model_validate(json.loads(json.dumps(data | {"bodies": bodies, "interfaces": {"pad": pad}})))
+    return Scene.model_validate(data | {"bodies": bodies, "interfaces": {"pad": pad}})
 
 
-def stretches(of: Scene, connect: str | None = None) -> tuple[Any, Any]:
+def stretches(of: Scene) -> tuple[Any, Any]:
     """How far the blocks' middles went apart after each step [m], and all momentum on the way [kg m/s]."""
-    with softseam.open(of, connect=connect) as sim:
+    with softseam.open(of) as sim:
         seen = [sim.reset(seed=0)]
         while not sim.done:
             seen.append(sim.step())

@@ -6,16 +6,11 @@ Its viscous strain v follows e in the time tau: v1 = k v0 + (1 - k) e1, k = exp(
 
 from __future__ import annotations
 
-import os
-import signal
-from collections.abc import Iterator
 from itertools import accumulate
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pytest
-from extended_services import extended
 
 import softseam
 from softseam_protocol.scene.kinds import ELEMENTS
@@ -47,26 +42,14 @@ def respond(F, state, dt, parameters, P, A, following):  # type: ignore[no-untyp
     return (1.0 - g) * whole + g * fresh, g * (stale - fresh)
 
 
-def add() -> None:
-    law = Law(lambda spec, c: (c.mu, c.lambda_, FADES, TIME), small=True, state=9, respond=respond)
-    assert law.address  # it compiles
-    MATERIALS.add("fading", Fading)
-    LAWS.add("fading", law)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def rows() -> Iterator[None]:
-    add()
-    yield
-    MATERIALS.remove("fading")
-    LAWS.remove("fading")
-
-
+LAW = Law(lambda spec, c: (c.mu, c.lambda_, FADES, TIME), small=True, state=9, respond=respond)
+ROWS = ((MATERIALS, "fading", Fading), (LAWS, "fading", LAW))
 LOWER = {"model": "fem", "boxes": [{"min": [-1, -1, -1], "max": [1, 1, EDGE / 2]}]}
 BY_BOX = {"model": "fem", "within": 0.03, "tools": ["box"], "split": "always", "patience": 1}
 NEAR: dict[str, Any] = {"fem": None, "pbd": None, "cut": LOWER, "switched": BY_BOX}
 MODELS = {"fem": {"fem"}, "pbd": {"pbd"}, "cut": {"fem+pbd"}, "switched": {"pbd", "fem+pbd"}}
-OFF = {"pbd": 2.5e-3, "switched": 4e-3}
+MEAN = {"pbd": 0.5, "switched": 0.5}
+"""share of the start of a step in its force, which in XPBD is the mean of the step"""
 CASES = [*(("fem", element) for element in ELEMENTS), ("pbd", "hex27"), ("cut", "hex27"), ("switched", "hex27")]
 
 
@@ -94,8 +77,7 @@ def taken(sim: softseam.Session, steps: int) -> list[softseam.Observation]:
 def test_a_held_block_relaxes_and_its_energy_is_found(regions: str, element: str) -> None:
     """F = A E (e - g v) to .2 % while held; work = stored + material to 1 %: forces at ends of steps do .5 % more.
 
-    XPBD's force is the mean of its step, in which F falls by .5 %: .2 % above that at its end, and rings by .05 % more.
-    Where cells change their solver it rings by .4 % for two steps.
+    Where cells change their solver they ring for two steps, by .5 %.
     """
     with softseam.open(scene(regions, element)) as sim:
         before, kept = taken(sim, 200), sim.snapshot()
@@ -109,19 +91,11 @@ def test_a_held_block_relaxes_and_its_energy_is_found(regions: str, element: str
     v = [*accumulate(np.maximum(strain, 0.0), lambda v, e: keep * v + (1.0 - keep) * e, initial=0.0)][1:]
     held = np.flatnonzero(strain == strain[-1])[10:]
     assert len(held) > 150 and force[held[0]] > 1.5 * force[-1]
-    np.testing.assert_allclose(
-        force[held], (YOUNG * EDGE**2 * (strain - FADES * np.array(v)))[held], rtol=OFF.get(regions, 2e-3)
-    )
+    closed, start = YOUNG * EDGE**2 * (strain - FADES * np.array(v)), MEAN.get(regions, 0.0)
+    off = np.abs(force[held] / (closed - start * np.diff(closed, prepend=0.0))[held] - 1.0)
+    models = ["+".join(sorted({part.model for part in one.parts.values()})) for one in seen]
+    rings = [one != two for one, two in zip(models, models[2:], strict=False)]
+    np.testing.assert_array_less(off, np.where([rings[step - 2] for step in held], 5e-3, 2e-3))
     work, material = (sum(one.energies[name] for one in seen) for name in ("tool_work", "material"))
     assert work == pytest.approx(seen[-1].energies["strain"] + material, rel=0.01) and material > 0.3 * work
-    assert {"+".join(sorted({part.model for part in one.parts.values()})) for one in seen} == MODELS[regions]
-
-
-@pytest.mark.slow
-def test_a_killed_participant_goes_on_with_its_state(tmp_path: Path) -> None:
-    """FEM dies in mid-relaxation and is restored: the same bits as in one process."""
-    with extended(tmp_path, "import test_law_in_every_solver\ntest_law_in_every_solver.add()\n") as (where, services):
-        with softseam.open(scene("cut"), connect=where) as sim, softseam.open(scene("cut")) as alone:
-            taken(sim, 200)
-            os.kill(services.pid("fem"), signal.SIGKILL)
-            np.testing.assert_array_equal(taken(sim, 170)[-1].positions, taken(alone, 370)[-1].positions)
+    assert {*models} == MODELS[regions]

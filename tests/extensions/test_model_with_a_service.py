@@ -5,44 +5,36 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from collections.abc import Iterator
-from importlib import import_module
-from pathlib import Path
 from typing import Any
 
+import mass_springs
 import numpy as np
 import pytest
-from extended_services import extended
+import test_discretisation as grains
+from extended_services import added
+from mass_springs import MassSprings
 
 import softseam
-from softseam.recording import Recording
-from softseam.report import ReportBuilder
-from softseam.view import colors
-from softseam_protocol.models import MODELS
+from softseam_protocol.messages.participant import Configure, Configured
+from softseam_protocol.participant.part_solver import PartSolver
 from softseam_protocol.scene.scene import Scene
+from softseam_services.built import Built
+from softseam_services.server import Setup
+from softseam_services.solver_row import SolverRow
+from softseam_services.solvers import SOLVERS
 
-pytestmark = pytest.mark.slow
 EDGE, FALL, DENSITY, STEP = 0.03, 0.003, 1000.0, 5e-3
 WEIGHT = 9.81 * DENSITY * EDGE**3
 WALLS = {"left": (-1, 0), "right": (1, 0), "front": (0, -1), "back": (0, 1)}
-SOFTSEAM = str(Path(sys.executable).with_name("softseam"))
 
 
-@pytest.fixture(scope="module")
-def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Services that know the model's row, and its own service beside them."""
-    import_module("mass_springs").add()
-    with extended(tmp_path_factory.mktemp("services"), "import mass_springs\nmass_springs.add()\n") as (where, _):
-        command = [sys.executable, "-m", "mass_springs", "--connect", where]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-            try:
-                assert process.stdout is not None and "answers" in process.stdout.readline()
-                yield where
-            finally:
-                process.terminate()
-    MODELS.remove("springs")
+def build(setup: Setup, request: Configure, built: Built) -> tuple[PartSolver, Configured]:
+    """In this process, where no service is asked."""
+    solver = PartSolver(MassSprings(request), request)
+    return solver, solver.configured(request.header)
+
+
+ROWS = (*mass_springs.ROWS, (SOLVERS, "springs", SolverRow(build)))
 
 
 def scene() -> Scene:
@@ -64,38 +56,28 @@ def scene() -> Scene:
     )
 
 
-def test_it_conforms(endpoint: str) -> None:
-    """The kit's solid: springs meet its Young's modulus and Poisson's ratio along the axes."""
-    command = [SOFTSEAM, "conform", endpoint, "--service", "springs"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0 and "springs conforms" in done.stdout, done.stdout + done.stderr
-
-
-def test_it_comes_to_rest_under_its_own_name(endpoint: str) -> None:
+def test_it_comes_to_rest_under_its_own_name() -> None:
     """The ground carries its weight to 1 %: swings fade with half the drag, exp(-20 t), to 1e-4 in .46 s."""
-    with softseam.open(scene(), connect=endpoint, record=True) as sim:
+    with softseam.open(scene()) as sim:
         seen = sim.run(fields=True)
     assert seen.wrench["ground"][2] == pytest.approx(-WEIGHT, rel=0.01)
     assert max(np.abs(seen.wrench[name]).max() for name in WALLS) == 0.0
     assert seen.positions[:, 2].min() > -0.1 * FALL and seen.momentum[2] == pytest.approx(0.0, abs=1e-4 * WEIGHT)
     assert {part.model for part in seen.parts.values()} == {"springs"} and seen.seconds["springs"] > 0.0
-    assert sim.recorded is not None
-    recording = Recording(sim.recorded.path)
-    builder = ReportBuilder(recording.bundle, facts=recording.facts)
-    for message in recording:
-        builder.add(message)
-    report, columns = builder.build(), builder.columns
-    assert report["model"] == "springs" and report["models"]["body"].startswith("Springs on all 1 cells")
-    assert report["wall"]["springs"] > 0.0 and report["wall"]["springs"] == pytest.approx(
-        columns["seconds.springs"].sum()
-    )
-    assert [*colors.parts(columns.models).values()] == [("Springs", (190, 150, 90))]
 
 
-def test_a_snapshot_of_it_goes_on_with_the_same_bits(endpoint: str) -> None:
-    with softseam.open(scene(), connect=endpoint) as sim:
+def test_a_snapshot_of_it_goes_on_with_the_same_bits() -> None:
+    with softseam.open(scene()) as sim:
         sim.run(max_steps=10)
         kept = sim.snapshot()
         after = [sim.step().positions for _ in range(5)]
         sim.restore(kept)
         np.testing.assert_array_equal([sim.step().positions for _ in range(5)], after)
+
+
+def test_it_moves_points_without_cells() -> None:
+    """The ground carries the weight of grains that fall, to 1e-6, and they sink in by as much as they are to."""
+    with added(grains), softseam.open(grains.scene(regions={"default": "springs"})) as sim:
+        seen = sim.run(fields=True)
+    assert seen.wrench["ground"][2] == pytest.approx(-grains.WEIGHT, rel=1e-6)
+    np.testing.assert_allclose(seen.positions[:, 2], grains.RADIUS * (1.0 - mass_springs.SUNK), rtol=1e-6)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from io import StringIO
 from pathlib import Path
 from typing import Any, Literal
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 from pydantic import Field
 from rich.console import Console
+from test_discretisation import CORNERS, FACES
 
 from softseam.checking import check_scene
 from softseam_protocol.scene.bodies import BODIES
@@ -26,8 +26,6 @@ from softseam_services.orchestrator.parts import part_mesh
 from softseam_services.tables import check_tables
 
 RADIUS, MASS = 0.004, 2e-3
-OCTAHEDRON = RADIUS * np.concatenate([np.eye(3), -np.eye(3)])
-FACES = np.array([[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]])
 
 
 class BeadsBody(OwnRegions):
@@ -44,19 +42,13 @@ def beads(spec: BeadsBody, files: Any) -> Points:
     own = np.arange(len(x))
     surface = Surface(
         owner=own.repeat(6),
-        offset=np.tile(OCTAHEDRON, (len(x), 1)),
+        offset=np.tile(RADIUS * CORNERS, (len(x), 1)),
         triangles=(FACES + 6 * own[:, None, None]).reshape(-1, 3),
     )
     return Points(x_rest=x, mass=np.full(len(x), MASS), surface=surface)
 
 
-@pytest.fixture(autouse=True)
-def rows() -> Iterator[None]:
-    BODIES.add("beads", BeadsBody)
-    DISCRETISATIONS.add("beads", beads)
-    yield
-    DISCRETISATIONS.remove("beads")
-    BODIES.remove("beads")
+ROWS = ((BODIES, "beads", BeadsBody), (DISCRETISATIONS, "beads", beads))
 
 
 def scene(**changes: Any) -> Scene:
@@ -75,21 +67,6 @@ def test_a_check_says_what_they_are(tmp_path: Path) -> None:
     said = StringIO()
     check_scene(str(path), (), Console(file=said, width=1000))
     assert "beads, 36 x 36 x 0 mm" in said.getvalue() and "32 g" in said.getvalue()
-
-
-NEAR = {"regions": {"default": "pbd", "near": {"model": "fem", "within": 0.01}}}
-FOR_CELLS = [
-    {"regions": {"default": "fem"}},
-    NEAR,
-    {"quantities": ["peak_von_mises"]},
-    {"probes": {"a": [0, 0, 0.01]}},
-]
-
-
-@pytest.mark.parametrize("changes", FOR_CELLS)
-def test_what_needs_cells_is_refused_by_name(changes: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=r"beads.* no cells"):
-        scene(**changes)
 
 
 def test_a_part_of_points_has_a_mesh_without_cells() -> None:

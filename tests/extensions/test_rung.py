@@ -6,16 +6,15 @@ motion more, so that neither momentum changes. The midpoint rule keeps both to r
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
 import pytest
 from pydantic import Field
-from scipy.interpolate import RegularGridInterpolator
 
 import softseam
+from softseam_coupling import ladder
+from softseam_protocol.scene.ladder import RUNGS, RungSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.spec import Positive
 
@@ -24,6 +23,8 @@ EDGE, STEP, UP, DOWN, STEPS = 0.04, 2e-3, 10, 25, 40  # it goes up and down afte
 
 def interpolated(x_rest: Any, values: Any, at: Any) -> Any:
     """Values of a lattice's nodes at other places, linear between them."""
+    from scipy.interpolate import RegularGridInterpolator  # services that import this module need it where it climbs
+
     lines = [np.unique(along.round(9)) for along in x_rest.T]
     order = np.lexsort(x_rest.round(9).T[::-1])
     grid = values[order].reshape(*(len(line) for line in lines), 3)
@@ -34,42 +35,35 @@ def momenta(mass: Any, x: Any, v: Any) -> Any:
     return np.r_[mass @ v, mass @ np.cross(x, v)]
 
 
-@pytest.fixture(autouse=True)
-def rows() -> Iterator[None]:
-    said: Any = import_module("softseam_protocol.scene.ladder")
-    coupling: Any = import_module("softseam_coupling.ladder")
+class CellsSpec(RungSpec):
+    kind: Literal["cells"] = "cells"
+    cell: Positive = Field(description="edge [m]")
+    during: tuple[float, float] = Field(description="from when until when the body is on it [s]")
 
-    class CellsSpec(said.RungSpec):  # type: ignore[misc]
-        kind: Literal["cells"] = "cells"
-        cell: Positive = Field(description="edge [m]")
-        during: tuple[float, float] = Field(description="from when until when the body is on it [s]")
 
-    class Cells:
-        def __init__(self, spec: CellsSpec) -> None:
-            self.spec = spec
+class Cells:
+    def __init__(self, spec: CellsSpec) -> None:
+        self.spec = spec
 
-        def holds(self, body: Any) -> bool:
-            """Whether the body is to be on this rung in the step that begins."""
-            return bool(self.spec.during[0] <= body.time + 1e-9 < self.spec.during[1])
+    def holds(self, body: ladder.Standing) -> bool:
+        """Whether the body is to be on this rung in the step that begins."""
+        return self.spec.during[0] <= body.time + 1e-9 < self.spec.during[1]
 
-        def body(self, spec: Any) -> Any:
-            """What the body is on it, of what the scene says of the body."""
-            return spec.model_copy(update={"cell": self.spec.cell})
+    def body(self, spec: Any) -> Any:
+        """What the body is on it, of what the scene says of the body."""
+        return spec.model_copy(update={"cell": self.spec.cell})
 
-        def carry(self, old: Any, new: Any) -> tuple[Any, Any]:
-            """Positions and velocities on this rung (N, 3)."""
-            x, v = (interpolated(old.x_rest, values, new.x_rest) for values in (old.x, old.v))
-            middle, eye = new.mass @ x / new.mass.sum(), np.eye(3)
-            rigid = [*(np.tile(axis, (len(x), 1)) for axis in eye), *(np.cross(axis, x - middle) for axis in eye)]
-            lacks = momenta(old.mass, old.x, old.v) - momenta(new.mass, x, v)
-            share = np.linalg.solve(np.transpose([momenta(new.mass, x, motion) for motion in rigid]), lacks)
-            return x, v + np.tensordot(share, rigid, axes=1)
+    def carry(self, old: ladder.Discretised, new: ladder.Discretised) -> tuple[Any, Any]:
+        """Positions and velocities on this rung (N, 3)."""
+        x, v = (interpolated(old.x_rest, values, new.x_rest) for values in (old.x, old.v))
+        middle, eye = new.mass @ x / new.mass.sum(), np.eye(3)
+        rigid = [*(np.tile(axis, (len(x), 1)) for axis in eye), *(np.cross(axis, x - middle) for axis in eye)]
+        lacks = momenta(old.mass, old.x, old.v) - momenta(new.mass, x, v)
+        share = np.linalg.solve(np.transpose([momenta(new.mass, x, motion) for motion in rigid]), lacks)
+        return x, v + np.tensordot(share, rigid, axes=1)
 
-    said.RUNGS.add("cells", CellsSpec)
-    coupling.RUNGS.add("cells", Cells)
-    yield
-    said.RUNGS.remove("cells")
-    coupling.RUNGS.remove("cells")
+
+ROWS = ((RUNGS, "cells", CellsSpec), (ladder.RUNGS, "cells", Cells))
 
 
 def scene() -> Scene:

@@ -6,14 +6,14 @@ sleeps, and one in which it never does, agree to 1e-12 m, before a tool wakes it
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from importlib import import_module
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pytest
 
 import softseam
+from softseam_coupling.islands import SLEEP, WAKE, Island
 from softseam_protocol.messages.participant import Advance, Configure, Reply, Request
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
@@ -25,12 +25,12 @@ NEAR, REST = 0.02, 1e-24
 """how far from a block's box a ball's surface wakes it [m]; least kinetic energy that is more than rounding [J]"""
 
 
-def may_sleep(island: Any) -> bool:
+def may_sleep(island: Island) -> bool:
     """A rule: all bodies of the island are at rest."""
-    return bool(island.kinetic <= REST)
+    return island.kinetic <= REST
 
 
-def near(island: Any) -> str:
+def near(island: Island) -> str:
     """A reason: a ball is near one of its bodies."""
     for tool, position in island.tools.items():
         for body, (low, high) in island.bounds.items():
@@ -40,14 +40,7 @@ def near(island: Any) -> str:
     return ""
 
 
-@pytest.fixture(autouse=True)
-def rows() -> Iterator[None]:
-    islands = import_module("softseam_coupling.islands")
-    islands.SLEEP.add("at_rest", may_sleep)
-    islands.WAKE.add("ball_is_near", near)
-    yield
-    islands.SLEEP.remove("at_rest")
-    islands.WAKE.remove("ball_is_near")
+ROWS = ((SLEEP, "at_rest", may_sleep), (WAKE, "ball_is_near", near))
 
 
 class Counting(EmbeddedTransport):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,8 +11,15 @@ import pytest
 
 import softseam
 from softseam_coupling import ladder
+from softseam_protocol.messages.outcomes import FailureKind
+from softseam_protocol.messages.participant import Failure, Release, Reply, Request
+from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.ladder import RUNGS, RungSpec
+from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
+from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.simulation import Simulation
+from softseam_services.orchestrator.transport import ParticipantFailed
 
 
 class FineSpec(RungSpec):
@@ -45,14 +52,15 @@ def rows() -> Iterator[None]:
     ladder.RUNGS.remove("fine")
 
 
-def scene(rungs: list[dict[str, Any]], **keys: Any) -> Scene:
+def scene(rungs: list[dict[str, Any]], named: bool = False, **keys: Any) -> Scene:
     body = {
         "shape": {"kind": "block", "size": [0.04] * 3},
         "cell": 0.04,
         "material": {"young": 1e4, "poisson": 0.3, "density": 1000.0},
         "ladder": rungs,
     }
-    data = {"softseam": 1, "name": "ladder", "step": 0.01, "duration": 0.1, "body": body, "regions": {"default": "fem"}}
+    data = {"softseam": 1, "name": "ladder", "step": 0.01, "duration": 0.1, "regions": {"default": "fem"}}
+    data |= {"bodies": {"block": body}} if named else {"body": body}
     return Scene.model_validate(json.loads(json.dumps(data | keys)))
 
 
@@ -107,3 +115,44 @@ def test_a_rung_that_fails_leaves_the_body_where_it_was() -> None:
                 sim.step()
         assert seen[-1].time == pytest.approx(0.03) and seen[-1].momentum[2] < 0.0
         assert sim.snapshot()
+
+
+class Boxed(Fine):
+    """The same cells, all near, so that another part has them; they go on twice as fast."""
+
+    def body(self, spec: Any) -> Any:
+        box = {"min": [-1, -1, -1], "max": [1, 1, 1]}
+        regions = (
+            {"default": "pbd", "near": {"model": "fem", "boxes": [box]}} if self.spec.after else {"default": "fem"}
+        )
+        return spec.model_copy(update={"regions": RegionsSpec.model_validate(regions)})
+
+    def carry(self, old: ladder.Discretised, new: ladder.Discretised) -> Any:
+        return old.x, 2.0 * old.v
+
+
+class Holding(EmbeddedTransport):
+    """It does not let go of parts once."""
+
+    refused = 0
+
+    def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
+        if not self.refused and any(isinstance(request, Release) for request in requests.values()):
+            self.refused += 1
+            raise ParticipantFailed("block.far", Failure(FailureKind.INTERNAL, "not now"))
+        return super().exchange(requests)
+
+
+def test_nothing_is_booked_where_old_parts_are_not_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The body stands with the energies that it had; the next try climbs, and books what twice the speed adds."""
+    monkeypatch.setattr("softseam_services.orchestrator.ladder.RUNGS", {"fine": Boxed})
+    transport, rungs = Holding(), [{"kind": "fine"}, {"kind": "fine", "after": 0.025}]
+    simulation = Simulation(bundle_scene(scene(rungs, named=True)), transport)
+    for _ in range(3):
+        simulation.step()
+    had = simulation.only.balance.energies
+    with pytest.raises(ParticipantFailed, match="not now"):
+        simulation.step()
+    assert transport.refused == 1 and simulation.only.balance.energies == had
+    assert simulation.step().energy["switch"] == pytest.approx(3.0 * had.kinetic, rel=1e-6)
+    simulation.close()

@@ -115,7 +115,7 @@ def test_what_takes_no_cells_is_refused_for_a_body_in_cells(tmp_path: Path) -> N
 def test_it_is_labelled_and_coloured(grains: str, tmp_path: Path) -> None:
     scene = _scene(tmp_path)
     assert colors.parts({"body.far": grains}) == {"body.far": ("Grains", SAND)}
-    assert colors.parts({"body.far": grains, "body.near": NEAR_DEFAULT})["body.far"] == ("far part: Grains", colors.FAR)
+    assert colors.parts({"body.far": grains, "body.near": NEAR_DEFAULT})["body.far"] == ("far part: Grains", SAND)
     assert choices(scene, {"body.far": PartReport("body", grains, 2, 45, 0.0, 0.0, 0.0, 1, 0.0)}, []) == {
         "body": "Grains on all 2 cells, as the scene's regions say"
     }

@@ -15,9 +15,7 @@ from softseam.report import ReportBuilder
 from softseam.view import colors
 from softseam.view.surface import DisplaySurface
 from softseam.view.tool_shapes import tool_shapes
-from softseam_protocol.messages.names import within
-from softseam_protocol.messages.session import Event, Frame, StepReport
-from softseam_protocol.models import facts_of
+from softseam_protocol.messages.session import Event, Frame
 
 
 def convert(recording: Recording, stream: rr.RecordingStream) -> rrb.Blueprint:
@@ -65,19 +63,11 @@ def _begin(
     meshes = next(iter(recording.surfaces.values())).tools
     tools = tool_shapes(recording.scene, extent, meshes)
     log_tools(stream, tools)
+    models = {name: part.model for report in recording.reports() for name, part in report.parts.items()}
     found = {}
     for name, surface in surfaces.items():
-        found[name] = BodyLog(stream, name, surface, scales[name], tools, _far(recording, name))
+        found[name] = BodyLog(stream, name, surface, scales[name], tools, colors.tones(name, models))
     return found
-
-
-def _far(recording: Recording, body: str) -> colors.Tone:
-    """Colour of a body's cells that are not near: where none ever are, that of their model."""
-    first = next(recording.only(StepReport), None)
-    part = None if first is None else first.parts.get(within(body, "far"))
-    if part is None or recording.scene.of(body).regions.near is not None:
-        return colors.FAR
-    return facts_of(part.model).colour
 
 
 def _at(stream: rr.RecordingStream, time: float, step: int) -> None:

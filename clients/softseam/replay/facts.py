@@ -63,7 +63,8 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Mapping[str, S
 def _painted(models: Mapping[str, str]) -> str:
     """What the body's colours mean."""
     words = {colors.NEAR: "Coral", colors.FAR: "Blue"}
-    return " ".join(f"{words[tone]}: {label}." for label, tone in colors.parts(models).values())
+    painted = colors.parts(models).values()
+    return " ".join(f"{words.get(tone) or '#' + bytes(tone).hex()}: {label}." for label, tone in painted)
 
 
 def log_scale(stream: rr.RecordingStream, surface: DisplaySurface, top: float) -> None:

@@ -67,7 +67,7 @@ def log_tools(stream: rr.RecordingStream, tools: Sequence[ToolShape]) -> None:
 class BodyLog:
     """Logs the frames of one body, and with them the tools' poses.
 
-    far  colour of what is not near
+    tones  colours of what is near and far
     """
 
     def __init__(
@@ -77,9 +77,9 @@ class BodyLog:
         surface: DisplaySurface,
         scales: Scales,
         tools: Sequence[ToolShape],
-        far: colors.Tone,
+        tones: tuple[colors.Tone, colors.Tone],
     ) -> None:
-        self._stream, self._surface, self._scales, self._tools, self._far = stream, surface, scales, tools, far
+        self._stream, self._surface, self._scales, self._tools = stream, surface, scales, tools
         self._at = paths.BodyPaths(body)
         self._near: NDArray[np.bool_] | None = None
         self._error = (self._at.error,) if scales.error > 0.0 else ()
@@ -88,7 +88,7 @@ class BodyLog:
             stream.log(path, rr.Mesh3D.from_fields(triangle_indices=triangles), static=True)
         ghost = rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=(*colors.TOOL, 38))
         stream.log(self._at.ghost, ghost, static=True)
-        for path, color in ((self._at.near, colors.NEAR), (self._at.far, far)):
+        for path, color in zip((self._at.near, self._at.far), tones, strict=True):
             stream.log(path, rr.Mesh3D.from_fields(albedo_factor=color), static=True)
 
     def log(self, frame: Frame) -> None:

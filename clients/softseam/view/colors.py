@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages.names import local
+from softseam_protocol.messages.names import local, within
 from softseam_protocol.models import FAR_DEFAULT, MODELS, NEAR_DEFAULT, facts_of
 
 Floats = NDArray[np.float64]
@@ -65,24 +65,29 @@ def engineering(value: float, unit: str) -> str:
 
 
 def parts(models: Mapping[str, str]) -> dict[str, tuple[str, Tone]]:
-    """Label and colour of each part, near before far; of a body of one part, those of its model.
+    """Label and colour of each part, near before far: those of its model, or of its region where both have one model.
 
     >>> parts({"body.far": NEAR_DEFAULT}) == {"body.far": ("FEM", NEAR)}
     True
 
     models  by part, BODY.near or BODY.far, as in `Columns.models`
     """
-    tones = {"near": NEAR, "far": FAR}
     bodies = [name.rpartition(".")[0] for name in models]
     found = {}
     for name in sorted(models, key=lambda name: (name.rpartition(".")[0], local(name) == "far")):
         body, model = name.rpartition(".")[0], facts_of(models[name])
         of = f"{body}, " if len({*bodies}) > 1 else ""
-        if bodies.count(body) == 1:
-            found[name] = (f"{of}{model.legend}", model.colour)
-        else:
-            found[name] = (f"{of}{local(name)} part: {model.legend}", tones[local(name)])
+        where = f"{local(name)} part: " if bodies.count(body) > 1 else ""
+        one = where and models[within(body, "near")] == models[within(body, "far")]
+        tone = {"near": NEAR, "far": FAR}[local(name)] if one else model.colour
+        found[name] = (f"{of}{where}{model.legend}", tone)
     return found
+
+
+def tones(body: str, models: Mapping[str, str]) -> tuple[Tone, Tone]:
+    """Colours of what is near and far of a body; models: see `parts`."""
+    tone_of = {name: tone for name, (_, tone) in parts(models).items()}
+    return tone_of.get(within(body, "near"), NEAR), tone_of.get(within(body, "far"), FAR)
 
 
 def label(name: str) -> str:

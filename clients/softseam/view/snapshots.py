@@ -16,7 +16,6 @@ from softseam.view.paper import INK, PAPER, SOFT, heading, write
 from softseam.view.raster import Camera, Canvas
 from softseam.view.surface import DisplaySurface, error_energy
 from softseam.view.tool_shapes import ToolShape, grid_spacing, rotate, tool_shapes
-from softseam_protocol.messages.names import within
 from softseam_protocol.messages.session import Frame
 
 Floats = NDArray[np.float64]
@@ -34,7 +33,10 @@ _CELL_LINE = np.array([0.12, 0.13, 0.18])
 
 def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
     """Rows of pictures, one column a moment, the same scales in all of them; a third row where errors are known."""
-    bodies = {name: _Shown(DisplaySurface(mesh), _tones(name, builder)) for name, mesh in recording.surfaces.items()}
+    bodies = {
+        name: _Shown(DisplaySurface(mesh), colors.tones(name, builder.columns.models))
+        for name, mesh in recording.surfaces.items()
+    }
     moments = _pick(recording)
     extent = max(body.surface.extent for body in bodies.values())
     tops: dict[str, float] = {}
@@ -77,12 +79,6 @@ class _Shown:
 
     surface: DisplaySurface
     tones: tuple[colors.Tone, colors.Tone]
-
-
-def _tones(body: str, builder: ReportBuilder) -> tuple[colors.Tone, colors.Tone]:
-    tone_of = {name: tone for name, (_, tone) in colors.parts(builder.columns.models).items()}
-    near, far = (tone_of.get(within(body, part), tone) for part, tone in (("near", colors.NEAR), ("far", colors.FAR)))
-    return near, far
 
 
 def _largest_error(moments: list[Moment], bodies: Mapping[str, _Shown]) -> float:

@@ -59,8 +59,11 @@ class DisplaySurface:
         return np.asarray(cell_near[self._triangle_cell] != 0)
 
     def load(self, frame: Frame) -> Floats:
-        """What the body bears at its surface points: von Mises stress [Pa], or a sheet's stretch [1] (P,)."""
-        return self.at_points(von_mises(frame.cauchy)) if self._in_cells else frame.point_strain
+        """What the body bears at its surface points: von Mises stress [Pa], or a sheet's stretch [1] (P,); 0 where
+        its model reports none."""
+        if self._in_cells:
+            return self.at_points(von_mises(frame.cauchy))
+        return frame.point_strain if len(frame.point_strain) else np.zeros(len(frame.point_x))
 
     def at_points(self, octant_values: Floats) -> Floats:
         """A value per octant (C, 8), interpolated to the surface points (P,)."""

@@ -50,7 +50,7 @@ class Part(ABC):
         """places of the coupling nodes among the part's (s,)"""
         if type(self).surface is Part.surface and has_tetrahedra(mesh):
             raise ValueError("a cell is a tetrahedron: this participant knows hexahedra alone")
-        rest = State(mesh.x_rest, np.tile(self.body["velocity"], (len(mesh.nodes), 1)))
+        rest = State(mesh.x_rest, np.tile(self.body.get("velocity", np.zeros(3)), (len(mesh.nodes), 1)))
         reported = request.state
         self.begin = sound(rest if reported is None else State(reported.x[mesh.nodes], reported.v[mesh.nodes]), rest)
         """the state that it begins with"""
@@ -75,5 +75,5 @@ class Part(ABC):
         return np.zeros((len(self.mesh.cell_nodes), 8, 6))
 
     def surface(self, state: State) -> Floats:
-        """Positions of the surface points (p, 3) [m]; of hexahedra, where it is not written."""
+        """Positions of the surface points (p, 3) [m]; of hexahedra and of points without cells, where it is not written."""
         return surface_points(self.mesh, state.x)

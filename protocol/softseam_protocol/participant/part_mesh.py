@@ -21,8 +21,8 @@ def mesh_of(request: Configure) -> PartMesh:
     n, c, p = len(mesh.nodes), len(mesh.cell_nodes), len(mesh.points)
     lengths = {(len(mesh.x_rest), n), (len(mesh.mass), n), (len(mesh.fixed), n), (len(request.cells), c)}
     lengths |= {(len(mesh.point_cell), p), (len(mesh.point_local), p)}
-    whole = all(came == wanted for came, wanted in lengths) and bool(n and c and (np.diff(mesh.nodes) > 0).all())
-    within = mesh.cell_nodes.max(initial=0) < n and mesh.point_cell.max(initial=0) < max(c, 1)
+    whole = all(came == wanted for came, wanted in lengths) and bool(n and (np.diff(mesh.nodes) > 0).all())
+    within = mesh.cell_nodes.max(initial=0) < n and mesh.point_cell.max(initial=0) < (c or n)
     if not (whole and within and np.isin(request.coupling_nodes, mesh.nodes).all()):
         raise ValueError("Configure.mesh names nodes or cells that it has not: send the mesh of the cells it names")
     return mesh
@@ -34,7 +34,9 @@ def has_tetrahedra(mesh: PartMesh) -> bool:
 
 
 def surface_points(mesh: PartMesh, x: Floats) -> Floats:
-    """Positions of the surface points (p, 3) [m] of hexahedra whose nodes are at x (n, 3) [m]."""
+    """Positions of the surface points (p, 3) [m] of hexahedra, or of no cells, whose nodes are at x (n, 3) [m]."""
+    if not len(mesh.cell_nodes):
+        return np.asarray(x[mesh.point_cell] + mesh.point_local)
     octant = (mesh.point_local > 0.0).astype(int)
     inside = (mesh.point_local + 1.0 - octant)[:, None]  # 0 to 1 along the octant's edges
     weight = np.where(CORNERS == 1, inside, 1.0 - inside).prod(axis=2)

@@ -98,13 +98,17 @@ class SimulatedBody:
         self.balance.begun = self.regions.start(resting_state(self.body))
 
     def take_over(self, other: SimulatedBody, state: BodyState) -> None:
-        """Go on in this state for the same body on another rung, whose parts it takes; what was measured stays."""
+        """Go on in this state for the same body on another rung, whose parts it takes; what was measured stays.
+
+        The other's books, which it goes on with, are as they were until its parts are all there and the other's gone.
+        """
         self._lift_base, self._slip, self._felt = other._lift_base, other._slip, other._felt
         self.errors.reset()
-        self.balance.take_over(other.balance)
         self.participants.stand(self._clock.step)
-        self.balance.switched(self.regions.start(state))
+        energies = self.regions.start(state)
         other.participants.release(set(other.participants.parts.names) - set(self.participants.parts.names))
+        self.balance.take_over(other.balance)
+        self.balance.switched(energies)
 
     @property
     def memory(self) -> tuple[float, float, bool]:

@@ -52,7 +52,7 @@ class Seen(NamedTuple):
             np.array([[bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)]]),
             np.sum([part.momentum for part in parts], axis=0)[None],
             np.sum([part.angular_momentum for part in parts], axis=0)[None],
-            np.array([any(part.n_contacts for part in parts)]),
+            np.array([any(part.figure(Figure.CONTACTS) for part in parts)]),
         )
 
 
