@@ -17,7 +17,6 @@ from extended_services import without
 from matplotlib.image import imread
 
 import softseam
-from softseam.embedded import resimulate
 from softseam.recording import Recording, RecordingError
 from softseam.replay import convert, verify
 from softseam.report import ReportBuilder
@@ -45,7 +44,7 @@ def test_grains_are_recorded_drawn_and_replayed(tmp_path: Path, model: str) -> N
     recording, builder = read(tmp_path / "grains.mcap")
     *_, last = recording.frames()
     np.testing.assert_array_equal(last.x, seen.positions)
-    assert last.point_x.shape == (6 * 27, 3) and verify(recording, resimulate).same
+    assert last.point_x.shape == (6 * 27, 3) and verify(recording).same
     picture = imread(draw_snapshots(recording, builder, tmp_path / "grains.png"))
     assert (np.ptp(picture[..., :3], axis=2) > 0.15).mean() > 0.01  # pixels that are neither paper, ink nor ground
 

@@ -75,5 +75,5 @@ class Part(ABC):
         return np.zeros((len(self.mesh.cell_nodes), 8, 6))
 
     def surface(self, state: State) -> Floats:
-        """Positions of the surface points (p, 3) [m]; of hexahedra and of points without cells, where it is not written."""
+        """Positions of the surface points (p, 3) [m]; of hexahedra and of points alone, where it is not written."""
         return surface_points(self.mesh, state.x)
