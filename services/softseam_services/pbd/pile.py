@@ -26,6 +26,7 @@ from softseam_services.request_check import problem_of
 from . import watch
 from .kernels import pile as of_pile
 from .kernels import summary as k
+from .kernels import trust
 from .kernels.block import new_workspace
 from .kernels.thread_team import new_team
 from .pile_pieces import Piece, Pieces
@@ -73,7 +74,7 @@ class PileSolver:
 
     def _see_unshared(self) -> None:
         """Which bodies have contact forces of a state that was handed over, see `step.share_out`."""
-        self._unshared = set(np.flatnonzero(self._monitors[:, watch.UNSHARED] != 0.0).tolist())
+        self._unshared = set(np.flatnonzero(self._monitors[:, trust.UNSHARED] != 0.0).tolist())
 
     def _committed(self, piece: Piece) -> PbdState:
         return piece.states[self._now]
@@ -81,7 +82,7 @@ class PileSolver:
     @property
     def begun(self) -> Begun:
         """Energies of the bodies as they are committed."""
-        rows = np.ascontiguousarray(self._monitors[:, [watch.KINETIC, watch.STRAIN, watch.GRAVITY]].T)
+        rows = np.ascontiguousarray(self._monitors[:, [trust.KINETIC, trust.STRAIN, trust.GRAVITY]].T)
         return Begun(*rows)
 
     @property
@@ -162,9 +163,9 @@ class PileSolver:
         notes, found = self._notes, {}
         monitors = self._monitors
         odd = (notes[:, of_pile.ATTEMPT] > 0) | (notes[:, of_pile.FAULT] > 0) | (notes[:, of_pile.HALVED] > 0)
-        odd |= (notes[:, of_pile.UNFINISHED] > 0) | (self._all.results[:, k.RESIDUAL] > watch.LAGGING)
-        odd |= monitors[:, watch.LEAST_J] < watch.CRUSHED
-        odd |= (monitors[:, watch.STRETCH] > watch.STRETCHED) | (monitors[:, watch.RESIDUAL] > watch.LAGGING)
+        odd |= (notes[:, of_pile.UNFINISHED] > 0) | (self._all.results[:, k.RESIDUAL] > trust.LAGGING)
+        odd |= monitors[:, trust.LEAST_J] < trust.CRUSHED
+        odd |= (monitors[:, trust.STRETCH] > trust.STRETCHED) | (monitors[:, trust.RESIDUAL] > trust.LAGGING)
         for number in awake[odd[awake]].tolist():
             piece, note = self.pieces[number], notes[number].tolist()
             fault, before = watch.FAULTS[note[of_pile.FAULT]], self._committed(piece)

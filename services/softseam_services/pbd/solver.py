@@ -17,6 +17,7 @@ from . import watch
 from .compliance import SeamProbe, Ways, no_ways
 from .field_reader import FieldReader
 from .kernels import summary as k
+from .kernels import trust
 from .kernels.linear_correction import correct_linearly
 from .model import PbdModel, build_model
 from .parameters import build_parameters
@@ -66,12 +67,12 @@ class PbdSolver:
     @property
     def strain(self) -> float:
         """Strain energy of the last committed step [J]."""
-        return float(self._committed.monitor[watch.STRAIN])
+        return float(self._committed.monitor[trust.STRAIN])
 
     @property
     def moving(self) -> tuple[float, float]:
         """Kinetic energy, and that in gravity, of the last committed step [J]."""
-        return float(self._committed.monitor[watch.KINETIC]), float(self._committed.monitor[watch.GRAVITY])
+        return float(self._committed.monitor[trust.KINETIC]), float(self._committed.monitor[trust.GRAVITY])
 
     @property
     def positions(self) -> Floats:

@@ -12,6 +12,7 @@ from softseam_services.totals import Totals
 
 from . import watch
 from .kernels import summary as k
+from .kernels import trust
 from .kernels.begin import find_slow, give_shape
 from .kernels.block import new_workspace
 from .kernels.leapfrog import advance_leapfrog
@@ -115,7 +116,7 @@ def _free_to_turn(model: PbdModel, parameters: PbdParameters) -> Turning | None:
 
 def _most(planned: int) -> int:
     """Substeps that the last repetition of a step takes at most."""
-    return int(planned * 2 ** (watch.RETRIES + watch.SHORTEST))
+    return int(planned * 2 ** (trust.RETRIES + trust.SHORTEST))
 
 
 def _room(model: PbdModel, parameters: PbdParameters, planned: int) -> tuple[Scratch, Leap | None]:
@@ -135,17 +136,17 @@ def step(
 ) -> tuple[PbdState, StepResult]:
     """A step of dt [s] from a state, tried until the monitor believes it; the new state is `scratch.next`."""
     scratch.fit(model, parameters, dt)
-    if state.monitor[watch.UNSHARED] != 0.0:
+    if state.monitor[trust.UNSHARED] != 0.0:
         share_out(model, parameters, state, inputs.tools, scratch)
     work, result, floor = scratch.next, scratch.outputs.result, parameters.roundoff
     cause, sweeps = "", 0
-    for number in range(watch.RETRIES + 1):
+    for number in range(trust.RETRIES + 1):
         n_substeps, n_sweeps = attempt(model, parameters, state, inputs, dt, scratch, number)
         swept, unfinished = _swept(parameters, scratch, n_substeps, n_sweeps)
         sweeps += swept
         fault = watch.check(result, state.monitor, floor)
         notice = watch.alarm(cause, result, state.monitor, number, n_substeps, n_sweeps, unfinished)
-        lagging = number == 0 and watch.grows(result, state.monitor)
+        lagging = number == 0 and trust.grows(result, state.monitor)
         if fault is watch.Fault.NONE and not lagging:
             break
         cause = fault.value.split(":")[0] if fault is not watch.Fault.NONE else watch.GROWS
@@ -153,7 +154,7 @@ def step(
         return work, stay(parameters, state, scratch)._replace(
             fault=fault, n_substeps=n_substeps, sweeps=sweeps, notice=notice
         )
-    if watch.remember(work.monitor, result, floor):
+    if trust.remember(work.monitor, result, floor):
         notice[Detail.SHORTER] = watch.GAINS
     to_plan = fault is watch.Fault.NONE and number == 0
     outputs = scratch.outputs
@@ -168,8 +169,8 @@ def stay(parameters: PbdParameters, state: PbdState, scratch: StepScratch) -> St
     result = outputs.result
     result[:], outputs.wrench[:], outputs.distance[:] = 0.0, 0.0, 0.0
     standing = Totals.of(state.x, state.v, parameters.own_mass)
-    result[k.KINETIC], result[k.STRAIN] = standing.kinetic, monitor[watch.STRAIN]
-    result[k.GRAVITY] = monitor[watch.GRAVITY]
+    result[k.KINETIC], result[k.STRAIN] = standing.kinetic, monitor[trust.STRAIN]
+    result[k.GRAVITY] = monitor[trust.GRAVITY]
     result[k.MOMENTUM : k.MOMENTUM + 3], result[k.ANGULAR : k.ANGULAR + 3] = standing.momentum, standing.angular
     result[k.BOUNDS : k.BOUNDS + 6] = standing.bounds.ravel()
     arrays = result, outputs.wrench, outputs.distance
@@ -188,7 +189,7 @@ def share_out(
         *(tools.kind, tools.shape, motion.position, motion.orientation, point_x, model.touches),
         *(TOUCH * float(parameters.blocks.edges.min()), state.force),
     )
-    state.monitor[watch.UNSHARED] = 0.0
+    state.monitor[trust.UNSHARED] = 0.0
 
 
 def attempt(
@@ -207,21 +208,21 @@ def attempt(
     """
     work = scratch.next
     np.copyto(work.buffer, state.buffer)
-    if work.monitor[watch.STRETCH] < watch.COLLAPSED:
+    if work.monitor[trust.STRETCH] < trust.COLLAPSED:
         give_shape(work.x, parameters.x_rest)
     if len(inputs.turn):
         work.v[:] = with_change(inputs.turn, state.x, state.v)
-    n_substeps = scratch.planned * 2 ** (number + int(work.monitor[watch.HALVINGS]))
+    n_substeps = scratch.planned * 2 ** (number + int(work.monitor[trust.HALVINGS]))
     if parameters.explicit:
         leap_ahead(model, parameters, dt, n_substeps, scratch)
         return n_substeps, 0
-    if number >= watch.COLD:
+    if number >= trust.COLD:
         work.stress[:] = 0.0
         work.a[:] = 0.0
         work.force[:] = 0.0
         work.steady[:] = 0.0
     n_sweeps = parameters.spec.sweeps + number
-    if watch.needs_two_sweeps(work.monitor):
+    if trust.needs_two_sweeps(work.monitor):
         n_sweeps = max(n_sweeps, 2)
     arrays = model.arrays, parameters.arrays
     scratch.arrays.used[:] = 0
