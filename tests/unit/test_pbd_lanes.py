@@ -64,7 +64,7 @@ def test_groups_hold_each_pair_once_and_share_no_node(embedded: bool) -> None:
     plate = {"kind": "box", "size": (0.01, 0.06, 0.06), "position": (0.0305, 0.0, 0.025), "friction": 0.6}
     solver = PbdRun(block_scene(cell=0.0125, tools={"ground": GROUND, "plate": plate})).solver
     model, tools, p, t = solver.model, solver.parameters.tools, solver.model.n_points, solver.model.n_tools
-    point_x = solver.parameters.x_rest[model.node]
+    point_x = solver.parameters.arrays.x_rest[model.node]
     arrays = model.arrays
     numbers = solver.parameters.arrays._replace(point_softness=np.ones(p))
     if embedded:

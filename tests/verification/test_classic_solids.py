@@ -144,7 +144,7 @@ def test_a_share_per_substep_is_kept_by_any_number_of_iterations() -> None:
     for n in (1, 7):
         shares = {"stretch": 0.4, "volume": 0.7, "per_substep": True}
         run = block((1, 1, 1), pbd={"method": "pbd", "sweeps": n, "classic": shares})
-        stretch, _, solid = run.solver.parameters.shares()
+        stretch, _, solid = shares(run.solver.parameters.spec)
         assert (1.0 - stretch) ** n == pytest.approx(0.6, rel=1e-12)
         assert (1.0 - solid) ** n == pytest.approx(0.3, rel=1e-12)
 

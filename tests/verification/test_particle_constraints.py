@@ -224,8 +224,9 @@ def hung(body: Body, name: str, h: float, sweeps: int, at_once: bool = True) -> 
     xw, v = np.zeros((n + 8, 4)), np.zeros((n, 3))
     xw[:n, :3], xw[:n, 3] = body.x_rest, np.where(body.fixed, 0.0, 1.0 / mass)
     free, ws, pull = xw[:n, 3] > 0.0, np.zeros(neo_hookean.N_WORK), np.zeros((n + 8, 4))
-    soft, gamma = tets.pair(elastic, h)
-    strains = tets.strains(elastic, h)
+    compliance, gamma = tets.pair(elastic)
+    soft = compliance / h**2
+    strains = tets.strains(elastic) / h**2
     lam = np.zeros((len(nodes), 7 if name == "strain" else 2, 8))
     for _ in range(round(1.0 / h)):
         before = xw[:n, :3].copy()

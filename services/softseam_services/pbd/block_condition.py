@@ -34,7 +34,7 @@ def block_spectrum(model: PbdModel, parameters: PbdParameters, x: Floats, dt: fl
     values, vectors = np.linalg.eigh(H)
     root = np.einsum("bij,bj,bkj->bik", vectors, np.sqrt(np.maximum(values, 0.0)), vectors)
     nodes = model.blocks.nodes.transpose(0, 2, 1)[model.blocks.order >= 0]
-    weight = np.sqrt(parameters.inverse_mass[nodes])
+    weight = np.sqrt(parameters.arrays.inverse_mass[nodes])
     gradient = h * root @ (J.reshape(len(nodes), N_MULTIPLIERS, 8, 3) * weight[:, None, :, None]).reshape(J.shape)
     columns = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 24)
     return spectrum_of_blocks(gradient, columns, 3 * model.n_nodes)

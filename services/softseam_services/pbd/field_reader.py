@@ -41,10 +41,10 @@ class FieldReader:
         )
         point_x = np.zeros((model.n_surface, 3))
         place_points(model.arrays, parameters.arrays, self._xw, point_x)
-        force = gather(state.force_mean, (model.indptr, model.node, parameters.weight), model.n_surface)
+        force = gather(state.force_mean, (model.indptr, model.node, parameters.arrays.weight), model.n_surface)
         size = np.einsum("ptc,ptc->pt", force, force)
         v = state.v.copy()
-        fill_in(model.levels, region, parameters.mass, state.x, v)
+        fill_in(model.levels, region, parameters.arrays.mass, state.x, v)
         cauchy[model.levels.coarse] = cauchy[model.levels.coarse, :1]
         tool = np.full(model.n_surface, -1, dtype=np.int32)
         if model.n_tools and model.n_surface:

@@ -187,7 +187,7 @@ class PileSolver:
         return np.asarray(self._all.buffers[self._now][self._all.monitors])
 
     def _bound(self, piece: Piece) -> None:
-        points = piece.model.indptr, piece.model.node, piece.parameters.weight
+        points = piece.model.indptr, piece.model.node, piece.parameters.arrays.weight
         bounds = piece.scratch.outputs.result[k.BOUNDS : k.BOUNDS + 6]
         bound_points(piece.model.n_surface, *points, piece.states[1 - self._now].x, bounds)
 

@@ -37,30 +37,36 @@ class ModelArrays(NamedTuple):
 
 @record
 class ParameterArrays(NamedTuple):
-    """Numbers, as of `PbdParameters`: t tools."""
+    """Numbers of a region: n nodes, b batches, p points, t tools."""
 
     mass: Floats
+    """of nodes, those that hang have given theirs away (n,) [kg]"""
     inverse_mass: Floats
+    """0 for clamped nodes and nodes without mass (n,) [1/kg]"""
     x_rest: Floats
+    """(n, 3) [m]"""
     gravity: Floats
+    """(3,) [m/s^2]"""
     # blocks
     volume: Floats
     softness: Floats
-    """where no tool holds a node (b, LANES)"""
+    """8 times the largest inverse mass of each block's nodes, where no tool holds one (b, LANES) [1/kg]"""
     constants: Constants
     law: int
     kappa: float
     # points
     weight: Floats
+    """of the nodes that points follow, see `point_weights` (entries,)"""
     tilt: Floats
-    """(entries, 2)"""
+    """how each weight changes on a point's patch, see `FacePoints.tilt` (entries, 2)"""
     point_softness: Floats
+    """sum of w_i N_i^2 of each point (p,) [1/kg]"""
     point_give: Floats
-    """(p,)"""
+    """as of `Points.give` (p,) [m/N]"""
     point_lag: Floats
-    """(p, t)"""
+    """as of `Points.lag` (p, t) [m]"""
     friction_factor: Floats
-    """(p,)"""
+    """of each point, on the friction of every tool (p,) [1]"""
     # tools
     kind: NDArray[np.int64]
     shape: Floats

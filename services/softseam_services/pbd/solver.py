@@ -102,7 +102,7 @@ class PbdSolver:
         work, taken = self._scratch.next, self._taken
         result, numbers = taken.figures.copy(), taken.figures.tolist()
         if self._body.cut:
-            points = self.model.indptr, self.model.node, self.parameters.weight
+            points = self.model.indptr, self.model.node, self.parameters.arrays.weight
             bound_points(self.model.n_surface, *points, work.x, result[k.BOUNDS : k.BOUNDS + 6])
         return Advanced(
             header,
@@ -131,7 +131,7 @@ class PbdSolver:
             correctable=self._correctable(),
             why=why,
             alarm_details=list(taken.notice),
-            sums=sums_of(self.parameters.mass, work.x, work.v) if len(self._region.seam) else NO_TURN,
+            sums=sums_of(self.parameters.arrays.mass, work.x, work.v) if len(self._region.seam) else NO_TURN,
             dissipated=taken.dissipated,
         )
 

@@ -109,9 +109,9 @@ class StepScratch:
 def _free_to_turn(model: PbdModel, parameters: PbdParameters) -> Turning | None:
     """What gives a rotation back; None of a region that is held or tied, whose law knows no turns, and of explicit
     steps, which lose nothing."""
-    held = ((parameters.inverse_mass == 0.0) & (parameters.mass > 0.0)).any()
+    held = ((parameters.arrays.inverse_mass == 0.0) & (parameters.arrays.mass > 0.0)).any()
     keeps = parameters.explicit or parameters.blocks.small
-    return None if held or keeps or len(model.seam) else Turning(parameters.mass)
+    return None if held or keeps or len(model.seam) else Turning(parameters.arrays.mass)
 
 
 def _most(planned: int) -> int:
@@ -209,7 +209,7 @@ def attempt(
     work = scratch.next
     np.copyto(work.buffer, state.buffer)
     if work.monitor[trust.STRETCH] < trust.COLLAPSED:
-        give_shape(work.x, parameters.x_rest)
+        give_shape(work.x, parameters.arrays.x_rest)
     if len(inputs.turn):
         work.v[:] = with_change(inputs.turn, state.x, state.v)
     n_substeps = scratch.planned * 2 ** (number + int(work.monitor[trust.HALVINGS]))

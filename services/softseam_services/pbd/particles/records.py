@@ -37,27 +37,38 @@ class ModelArrays(NamedTuple):
 
 @record
 class ParameterArrays(NamedTuple):
-    """Numbers, as of `ParticleParameters`."""
+    """Numbers of n particles, of constraints laid out as the batches of the structure are; 8 lanes."""
 
     x_rest: Floats
     mass: Floats
     weight: Floats
+    """inverse masses, 0 for clamped particles (n,) [1/kg]"""
     gravity: Floats
     drag: float
     """[1/s]"""
     spring_rest: Floats
+    """(b, 8) [m]; 1 in empty lanes"""
     spring_compliance: Floats
+    """(b, 8) [m/N]"""
     stretch_share: float
     """stiffness of classic PBD, 0 for XPBD, as is that of bends [1]"""
     bend_coefficient: Floats
+    """(c, 4, 8)"""
     bend_compliance: Floats
+    """(c, 8) [m/N]"""
     bending_share: float
     strain_inverse: Floats
+    """D_m^-1 of tetrahedra held by strains (d, 9, 8) [1/m]"""
     strain_compliance: Floats
+    """of stretches, shears and the trace (d, 3, 8) [1/J]"""
     pair_inverse: Floats
+    """D_m^-1 of tetrahedra held by neo-Hookean pairs (e, 9, 8) [1/m]"""
     pair_compliance: Floats
+    """of C_D and C_H (e, 2, 8) [1/J]"""
     pair_gamma: Floats
+    """(e, 8) [1]"""
     volume_rest: Floats
+    """of tetrahedra in classic PBD (f, 8) [m^3]; 1 in empty lanes"""
     volume_share: float
     """stiffness of classic PBD's volumes [1]"""
     # constraints that the scene adds, as of `constraints.Joined`

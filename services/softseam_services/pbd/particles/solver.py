@@ -152,7 +152,7 @@ class ParticleSolver:
     def _measure(self, x: Floats) -> None:
         """How well constraints are met with particles at x (n, 3) [m]."""
         xw, n = self._scratch.arrays.xw, len(x)
-        xw[:n, :3], xw[:n, 3] = x, self.parameters.weight
+        xw[:n, :3], xw[:n, 3] = x, self.parameters.arrays.weight
         measure(self.model, self.parameters, self._scratch)
 
     def correct(self, request: Correct) -> Advanced:

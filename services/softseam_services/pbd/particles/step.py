@@ -90,7 +90,7 @@ class StepScratch:
 
 def _free_to_turn(parameters: ParticleParameters) -> Turning | None:
     """What gives a rotation back; None of a body that is clamped."""
-    return None if (parameters.weight == 0.0).any() else Turning(parameters.body.mass)
+    return None if (parameters.arrays.weight == 0.0).any() else Turning(parameters.body.mass)
 
 
 def step(

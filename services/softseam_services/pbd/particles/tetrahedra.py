@@ -25,17 +25,17 @@ class Tetrahedra:
     inverse: Floats
     """D_m^-1, row by row (b, 9, 8) [1/m]"""
 
-    def pair(self, elastic: ElasticConstants, h: float) -> tuple[Floats, Floats]:
-        """alpha/h^2 of the neo-Hookean pair (b, 2, 8) [1/(kg m^2)], and gamma (b, 8)."""
+    def pair(self, elastic: ElasticConstants) -> tuple[Floats, Floats]:
+        """Compliances of the neo-Hookean pair (b, 2, 8) [1/J], and gamma (b, 8)."""
         bulk = elastic.lambda_ + elastic.mu
         alpha = np.stack([1.0 / (elastic.mu * self.volume), 1.0 / (bulk * self.volume)], axis=1)
         gamma = np.full(len(self.volume), 1.0 + elastic.mu / bulk)
-        return self.batches.lanes(alpha / h**2), self.batches.lanes(gamma)
+        return self.batches.lanes(alpha), self.batches.lanes(gamma)
 
-    def strains(self, elastic: ElasticConstants, h: float) -> Floats:
-        """alpha/h^2 of stretches, shears and the trace (b, 3, 8) [1/(kg m^2)]; lambda must be positive."""
+    def strains(self, elastic: ElasticConstants) -> Floats:
+        """Compliances of stretches, shears and the trace (b, 3, 8) [1/J]; lambda must be positive."""
         moduli = np.array([2.0 * elastic.mu, elastic.mu, elastic.lambda_])
-        return self.batches.lanes(1.0 / (self.volume[:, None] * moduli * h**2))
+        return self.batches.lanes(1.0 / (self.volume[:, None] * moduli))
 
 
 def build_tetrahedra(x_rest: Floats, nodes: Ints, laid_out: Batches | None = None) -> Tetrahedra:
