@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.work import Work
 from softseam_services.jit import record
+
+from .work import Work
 
 MOST_ITERATIONS = 40
 """of GMRES"""

@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.model import FemModel
 from softseam_services.jit import record
+
+from .model import FemModel
 
 
 @record

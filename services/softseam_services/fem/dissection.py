@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from softseam_services.fem.kernels.panel import NARROW, STRIP
-from softseam_services.fem.tree import Ints, Longs, Tree, cell_places
+from .kernels.panel import NARROW, STRIP
+from .tree import Ints, Longs, Tree, cell_places
 
 LEAF_NODES = 12
 PAIR_FLOPS = 3e9

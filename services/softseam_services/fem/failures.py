@@ -2,7 +2,8 @@
 
 from softseam_protocol.messages.outcomes import Status
 from softseam_services.body.body import Floats, Ints
-from softseam_services.fem.kernels.newton import INDEFINITE, LEAST_J, NOT_FINITE, STALLED, WORST_CELL
+
+from .kernels.newton import INDEFINITE, LEAST_J, NOT_FINITE, STALLED, WORST_CELL
 
 STATUS = {
     STALLED: Status.UNCONVERGED,

@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.tool_motion import Tools
 from softseam_services.jit import record
+
+from .tool_motion import Tools
 
 NO_PUSH = np.zeros((0, 3))
 

@@ -7,9 +7,10 @@ body that is squeezed to less than a third may fall into a state in which faces 
 import numpy as np
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.kernels.point_volumes import loses_volume
-from softseam_services.fem.model import FemModel
-from softseam_services.fem.work import Work
+
+from .kernels.point_volumes import loses_volume
+from .model import FemModel
+from .work import Work
 
 _ALONG = 5
 """points that a cell is looked at in along each axis, from face to face"""

@@ -18,9 +18,10 @@ from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.filled import filled_moments, gradient_integrals
 from softseam_services.body.interpolate import hex27
 from softseam_services.body.slivers import true_fill
-from softseam_services.fem.octants import Octants
-from softseam_services.fem.tree import Longs, Tree, cell_places
 from softseam_services.jit import record
+
+from .octants import Octants
+from .tree import Longs, Tree, cell_places
 
 TIE = 1.0
 """stiffness of a tie over mu h [1]"""

@@ -16,17 +16,18 @@ from softseam_services.body.body import Body, Ints, Region
 from softseam_services.body.contact_points import is_embedded
 from softseam_services.body.interpolate import point_weights
 from softseam_services.body.slivers import root_octants
-from softseam_services.fem.dissection import dissect
-from softseam_services.fem.elements.hex27 import SHARES
-from softseam_services.fem.elements.hex27_box import number_patterns
-from softseam_services.fem.joints import Joints, build_joints, root_cells
-from softseam_services.fem.kernels.contact import ALONE, AT_NODE, SPREAD
-from softseam_services.fem.octants import cut_cells
-from softseam_services.fem.rule import cell_shapes
-from softseam_services.fem.tree import Tree
 from softseam_services.jit import record
 from softseam_services.tools.face_points import face_points, touched_faces
 from softseam_services.tools.tool_set import ToolSet
+
+from .dissection import dissect
+from .elements.hex27 import SHARES
+from .elements.hex27_box import number_patterns
+from .joints import Joints, build_joints, root_cells
+from .kernels.contact import ALONE, AT_NODE, SPREAD
+from .octants import cut_cells
+from .rule import cell_shapes
+from .tree import Tree
 
 NO_ROLLERS = np.zeros((0, 2), dtype=np.int32)
 

@@ -15,21 +15,22 @@ from softseam_services.body.body import Body, Floats, Region
 from softseam_services.body.contact_points import PENALTY
 from softseam_services.body.filled import FILL_FLOOR, filled_moments
 from softseam_services.body.interpolate import Functions, point_weights
-from softseam_services.fem.elements import ELEMENTS
-from softseam_services.fem.elements.cut import with_cut_cells
-from softseam_services.fem.elements.hex27 import SHARES
-from softseam_services.fem.elements.hex27_box import NO_PATTERNS, cell_tables, own_patterns, patterns
-from softseam_services.fem.elements.of_tetrahedra import OF_TETRAHEDRA
-from softseam_services.fem.elements.table import Table
-from softseam_services.fem.internal_variables import check_internal_variables
-from softseam_services.fem.joints import JointNumbers, build_numbers
-from softseam_services.fem.model import FemModel
-from softseam_services.fem.octants import Octants, count_octants
-from softseam_services.fem.rule import Rule, build_rule, cell_shapes
 from softseam_services.jit import record
 from softseam_services.tools.face_points import face_points, point_edges
 from softseam_services.tools.kernels import DENSE
 from softseam_services.tools.tool_set import ToolSet
+
+from .elements import ELEMENTS
+from .elements.cut import with_cut_cells
+from .elements.hex27 import SHARES
+from .elements.hex27_box import NO_PATTERNS, cell_tables, own_patterns, patterns
+from .elements.of_tetrahedra import OF_TETRAHEDRA
+from .elements.table import Table
+from .internal_variables import check_internal_variables
+from .joints import JointNumbers, build_numbers
+from .model import FemModel
+from .octants import Octants, count_octants
+from .rule import Rule, build_rule, cell_shapes
 
 # In steps too short for that, r at nodes is this many times the inertia of the layer rho h/3 that a node stands for:
 # multipliers lag, and gain energy where r dt^2 is less than the mass they move (kernels/contact.py).

@@ -7,8 +7,9 @@ import numpy as np
 from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.lattice import LOCAL
 from softseam_services.body.point_materials import point_moduli, point_parameters
-from softseam_services.fem.elements.table import Table
 from softseam_services.jit import record
+
+from .elements.table import Table
 
 # Cells whose nodes are off their box by more than this share of an edge are general hexahedra.
 _BOX = 1e-9

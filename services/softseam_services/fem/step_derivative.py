@@ -8,28 +8,22 @@ from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats
 from softseam_services.differentiable import Near, NotSmooth
-from softseam_services.fem.contact_slopes import build_slopes
-from softseam_services.fem.differential import Differential, no_differential
-from softseam_services.fem.inputs import NO_PUSH, Inputs, NewtonSettings, build_result
-from softseam_services.fem.integrators.scheme import Scheme
-from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, TRACTION
-from softseam_services.fem.kernels.newton import CONVERGED, N_CANDIDATES
-from softseam_services.fem.kernels.step import N_OUT, RETRACE, advance
-from softseam_services.fem.kernels.step_derivative import (
-    begin_back,
-    begin_forward,
-    differentiate,
-    finish_back,
-    finish_forward,
-    solve_whole,
-)
-from softseam_services.fem.state import FemState
-from softseam_services.fem.structures import Tables
-from softseam_services.fem.tool_motion import at_rest
-from softseam_services.fem.turning import free_to_turn
-from softseam_services.fem.turning_derivative import TurningDerivative
-from softseam_services.fem.work import build_work
 from softseam_services.tools.tool_set import ToolSet
+
+from .contact_slopes import build_slopes
+from .differential import Differential, no_differential
+from .inputs import NO_PUSH, Inputs, NewtonSettings, build_result
+from .integrators.scheme import Scheme
+from .kernels.contact import NORMAL, OPEN, PRESSURE, TRACTION
+from .kernels.newton import CONVERGED, N_CANDIDATES
+from .kernels.step import N_OUT, RETRACE, advance
+from .kernels.step_derivative import begin_back, begin_forward, differentiate, finish_back, finish_forward, solve_whole
+from .state import FemState
+from .structures import Tables
+from .tool_motion import at_rest
+from .turning import free_to_turn
+from .turning_derivative import TurningDerivative
+from .work import build_work
 
 FORCES = 3
 """columns of a contact state that are forces"""

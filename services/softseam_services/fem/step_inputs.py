@@ -8,9 +8,10 @@ import numpy as np
 
 from softseam_protocol.messages.participant import Advance
 from softseam_services.body.body import Floats
-from softseam_services.fem import substeps
-from softseam_services.fem.inputs import Result
-from softseam_services.fem.tool_motion import Tools, part_of
+
+from . import substeps
+from .inputs import Result
+from .tool_motion import Tools, part_of
 
 NO_TURN = np.zeros(0)
 AT_ONCE = substeps.Substeps(n_accepted=1)

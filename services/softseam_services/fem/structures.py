@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Body, Ints, Region
-from softseam_services.fem.model import NO_ROLLERS, Connectivity, FemModel
-from softseam_services.fem.parameters import FemParameters, build_parameters
 from softseam_services.jit import n_bytes
 from softseam_services.tools.tool_set import ToolSet
+
+from .model import NO_ROLLERS, Connectivity, FemModel
+from .parameters import FemParameters, build_parameters
 
 _KEPT = 8
 _BYTES = 200_000_000

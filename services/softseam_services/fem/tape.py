@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.integrators.scheme import Scheme
-from softseam_services.fem.state import FemState
-from softseam_services.fem.step_derivative import Augmentation, Passage, StepDerivative
 from softseam_services.tools.tool_set import ToolSet
 
+from .integrators.scheme import Scheme
+from .state import FemState
+from .step_derivative import Augmentation, Passage, StepDerivative
+
 if TYPE_CHECKING:  # which makes tapes
-    from softseam_services.fem.solver import FemSolver
+    from .solver import FemSolver
 
 
 class FemTape:

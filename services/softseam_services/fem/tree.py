@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.fem.kernels.panel import STRIP
-from softseam_services.fem.kernels.two_threads import start_address
 from softseam_services.jit import record
+
+from .kernels.panel import STRIP
+from .kernels.two_threads import start_address
 
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]

@@ -3,12 +3,13 @@
 import numpy as np
 
 from softseam_services.body.turning import Turning
-from softseam_services.fem.integrators.bdf2 import kept_on
-from softseam_services.fem.integrators.scheme import BDF2, STATIC, SYMPLECTIC_EULER, Scheme
-from softseam_services.fem.kernels.contact import FORCE
-from softseam_services.fem.model import FemModel
-from softseam_services.fem.parameters import FemParameters
-from softseam_services.fem.state import FemState
+
+from .integrators.bdf2 import kept_on
+from .integrators.scheme import BDF2, STATIC, SYMPLECTIC_EULER, Scheme
+from .kernels.contact import FORCE
+from .model import FemModel
+from .parameters import FemParameters
+from .state import FemState
 
 
 def free_to_turn(kind: int, model: FemModel, parameters: FemParameters) -> Turning | None:

@@ -9,21 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats
-from softseam_services.body.kernels.turning import (
-    ANGULAR,
-    MOTION,
-    N_SUMS,
-    PLACE,
-    SECOND,
-    add_up,
-    find_rest,
-    find_turn,
-)
+from softseam_services.body.kernels.turning import ANGULAR, MOTION, N_SUMS, PLACE, SECOND, add_up, find_rest, find_turn
 from softseam_services.body.turning import Turning
-from softseam_services.fem.differential import Differential
-from softseam_services.fem.face_forces import point_positions
-from softseam_services.fem.state import FemState
-from softseam_services.fem.structures import Tables
+
+from .differential import Differential
+from .face_forces import point_positions
+from .state import FemState
+from .structures import Tables
 
 Complexes = NDArray[np.complex128]
 

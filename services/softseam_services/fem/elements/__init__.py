@@ -4,19 +4,9 @@ from collections.abc import Callable
 
 from softseam_protocol.table import Table
 from softseam_services.body.body import Floats
-from softseam_services.fem.elements import (
-    hex8,
-    hex8_bbar,
-    hex8_full,
-    hex8_reduced,
-    hex27,
-    hex27_full,
-    hex27_reduced,
-    tet4,
-    tet4_fbar,
-    tet10,
-)
-from softseam_services.fem.elements.table import Table as ElementTable
+
+from . import hex8, hex8_bbar, hex8_full, hex8_reduced, hex27, hex27_full, hex27_reduced, tet4, tet4_fbar, tet10
+from .table import Table as ElementTable
 
 __all__ = ["ELEMENTS", "ElementTable"]
 

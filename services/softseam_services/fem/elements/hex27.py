@@ -2,8 +2,9 @@
 
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_services.body.body import Floats
-from softseam_services.fem.elements.hexahedra import quadratic
-from softseam_services.fem.elements.table import Table, split
+
+from .hexahedra import quadratic
+from .table import Table, split
 
 SHARES: dict[ElementKind, float] = {"hex27": 1.0, "hex27_reduced": 2.0 / 3.0}
 """how much of mu/2 I1 that 3^3 points see and 2^3 do not an element takes up: the ones that kernels/cells.py knows"""

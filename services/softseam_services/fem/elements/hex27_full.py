@@ -1,8 +1,9 @@
 """Quadratic hexahedron with 3^3 Gauss points: definite at any strain that the material bears; locks for nu > 0.49."""
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.elements import table
-from softseam_services.fem.elements.hexahedra import quadratic
+
+from . import table
+from .hexahedra import quadratic
 
 
 def build(x: Floats, poisson: float) -> table.Table:

@@ -7,8 +7,9 @@ which is too stiff wherever the truth is none; the less of it, the softer, and t
 """
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.elements import hex27
-from softseam_services.fem.elements.table import Table
+
+from . import hex27
+from .table import Table
 
 
 def build(x: Floats, poisson: float) -> Table:

@@ -5,8 +5,9 @@ bending than the element of theory. It needs three elements or more through a th
 """
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.elements.hexahedra import linear
-from softseam_services.fem.elements.table import Table, split
+
+from .hexahedra import linear
+from .table import Table, split
 
 
 def build(x: Floats, poisson: float) -> Table:

@@ -7,8 +7,9 @@ stiff in bending.
 
 from softseam_services.body.body import Floats
 from softseam_services.body.lattice import OCTANT_NODES
-from softseam_services.fem.elements import table
-from softseam_services.fem.elements.hexahedra import linear
+
+from . import table
+from .hexahedra import linear
 
 
 def build(x: Floats, poisson: float) -> table.Table:

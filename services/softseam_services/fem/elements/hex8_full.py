@@ -1,8 +1,9 @@
 """Eight linear hexahedra a cell with 2^3 Gauss points: the textbook element, which locks in bending and near nu 1/2."""
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.elements import table
-from softseam_services.fem.elements.hexahedra import linear
+
+from . import table
+from .hexahedra import linear
 
 
 def build(x: Floats, poisson: float) -> table.Table:

@@ -10,8 +10,9 @@ material itself; `COEFFICIENT` = 0 leaves an element with 12 modes that cost not
 import numpy as np
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.elements.hexahedra import SIGNS, linear
-from softseam_services.fem.elements.table import Table, split
+
+from .hexahedra import SIGNS, linear
+from .table import Table, split
 
 COEFFICIENT = 1.0 / 36.0
 _HOURGLASS = np.stack(

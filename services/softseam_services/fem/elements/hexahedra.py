@@ -5,7 +5,8 @@ import numpy as np
 from softseam_services.body.body import Floats
 from softseam_services.body.kernels.shape_functions import hex27
 from softseam_services.body.lattice import OCTANT_NODES
-from softseam_services.fem.elements.table import Reference, gauss
+
+from .table import Reference, gauss
 
 SIGNS = np.array([(2 * (a & 1) - 1, (a & 2) - 1, (a & 4) // 2 - 1) for a in range(8)], dtype=np.float64)
 """local coordinates of a hexahedron's corners, and of the octants' centres times 2 (8, 3)"""

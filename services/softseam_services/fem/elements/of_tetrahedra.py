@@ -11,10 +11,11 @@ import numpy as np
 from softseam_protocol.table import Table
 from softseam_services.body.body import Floats
 from softseam_services.body.tetrahedron import NODES, OF_PARTS, PARTS
-from softseam_services.fem.elements import table
-from softseam_services.fem.elements.table import Reference
-from softseam_services.fem.elements.table import Table as ElementTable
-from softseam_services.fem.elements.tetrahedra import quadratic
+
+from . import table
+from .table import Reference
+from .table import Table as ElementTable
+from .tetrahedra import quadratic
 
 
 def _quadratic(fine: bool = False) -> Reference:

@@ -1,8 +1,9 @@
 """Six quadratic tetrahedra a cell with four points each."""
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.elements import table
-from softseam_services.fem.elements.tetrahedra import quadratic
+
+from . import table
+from .tetrahedra import quadratic
 
 
 def build(x: Floats, poisson: float) -> table.Table:

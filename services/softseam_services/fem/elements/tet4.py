@@ -1,8 +1,9 @@
 """48 linear tetrahedra a cell: the element of least order, which locks; for comparison."""
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.elements import table
-from softseam_services.fem.elements.tetrahedra import linear
+
+from . import table
+from .tetrahedra import linear
 
 
 def build(x: Floats, poisson: float) -> table.Table:

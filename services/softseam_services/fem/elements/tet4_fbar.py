@@ -7,8 +7,9 @@ stays as stiff as linear tetrahedra are.
 
 from softseam_services.body.body import Floats
 from softseam_services.body.lattice import OCTANT_NODES
-from softseam_services.fem.elements import table
-from softseam_services.fem.elements.tetrahedra import linear
+
+from . import table
+from .tetrahedra import linear
 
 
 def build(x: Floats, poisson: float) -> table.Table:

@@ -11,7 +11,8 @@ from itertools import permutations
 import numpy as np
 
 from softseam_services.body.body import Ints
-from softseam_services.fem.elements.table import Reference
+
+from .table import Reference
 
 _STRIDE = np.array([1, 3, 9])
 _EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from softseam_services.fem.kernels.dot import dot
 from softseam_services.jit import njit
+
+from .dot import dot
 
 
 @njit(cache=True, error_model="numpy")

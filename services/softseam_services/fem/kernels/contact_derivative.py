@@ -17,8 +17,12 @@ Where a state is about to change, these are of the side that the run is on; `mar
 
 import numpy as np
 
-from softseam_services.fem.kernels.candidates import SEVERAL, find_holders, firmness, meets
-from softseam_services.fem.kernels.contact import (
+from softseam_services.jit import njit
+from softseam_services.shapes.branches import CYLINDER, PLANE
+from softseam_services.tools.kernels import SLOW, patch_press, rotate, tool_gap
+
+from .candidates import SEVERAL, find_holders, firmness, meets
+from .contact import (
     EDGED,
     GAP,
     NORMAL,
@@ -32,9 +36,6 @@ from softseam_services.fem.kernels.contact import (
     patch_edges,
     point_position,
 )
-from softseam_services.jit import njit
-from softseam_services.shapes.branches import CYLINDER, PLANE
-from softseam_services.tools.kernels import SLOW, patch_press, rotate, tool_gap
 
 BY_PENALTY, BY_FRICTION = 0, 1
 """columns of `numbers`"""

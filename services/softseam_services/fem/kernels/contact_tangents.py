@@ -8,8 +8,10 @@ where every D is r I, added to the panels once.
 
 import numpy as np
 
-from softseam_services.fem.kernels.cells import LANES
-from softseam_services.fem.kernels.contact import (
+from softseam_services.jit import njit
+
+from .cells import LANES
+from .contact import (
     EDGED,
     GAP,
     NORMAL,
@@ -24,9 +26,8 @@ from softseam_services.fem.kernels.contact import (
     TRIAL,
     coefficient,
 )
-from softseam_services.fem.kernels.fronts import add_block, add_block_row
-from softseam_services.fem.kernels.lapack import product
-from softseam_services.jit import njit
+from .fronts import add_block, add_block_row
+from .lapack import product
 
 BATCH = 64
 """points of a cell that are multiplied at once"""

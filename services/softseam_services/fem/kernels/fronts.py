@@ -7,9 +7,10 @@ at places that are used again: they stay in the cache, and need a small part of 
 `tree` is a `tree.Tree`.
 """
 
-from softseam_services.fem.kernels.lapack import product
-from softseam_services.fem.kernels.panel import ascend, descend, factor_panel, inverse_triangle
 from softseam_services.jit import njit
+
+from .lapack import product
+from .panel import ascend, descend, factor_panel, inverse_triangle
 
 # columns of tree.meta
 FIRST, OWN, ALL, PARENT, VALUES, ROW, REST, CHILD, SIBLING, RUN, RUN_END = range(11)

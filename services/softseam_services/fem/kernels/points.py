@@ -9,15 +9,11 @@ is 1 unless two elements share the cell. `rule` is a `fem.rule.Rule`.
 import numpy as np
 
 from softseam_services.body.materials.point import energy, stress
-from softseam_services.fem.kernels.cells import gather
-from softseam_services.fem.kernels.internal_variables import respond
-from softseam_services.fem.kernels.mean_volume import (
-    mean_pressure,
-    modify,
-    positive_volume,
-    volume_gradient,
-)
 from softseam_services.jit import njit
+
+from .cells import gather
+from .internal_variables import respond
+from .mean_volume import mean_pressure, modify, positive_volume, volume_gradient
 
 
 @njit(cache=True, error_model="numpy")

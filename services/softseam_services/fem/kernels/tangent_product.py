@@ -8,11 +8,12 @@ Of other elements and laws, and of cells that are watched for lost volume, it is
 
 import numpy as np
 
-from softseam_services.fem.kernels.anderson import add_scaled
-from softseam_services.fem.kernels.cells import deformation, gather, multiply_full, point_factors
-from softseam_services.fem.kernels.elements import subtract_forces
-from softseam_services.fem.kernels.lapack import multiply
 from softseam_services.jit import njit
+
+from .anderson import add_scaled
+from .cells import deformation, gather, multiply_full, point_factors
+from .elements import subtract_forces
+from .lapack import multiply
 
 _APART = 1e-5
 

@@ -15,8 +15,9 @@ from numba.core import cgutils, config
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
-from softseam_services.fem.kernels.fronts import factor_fronts
 from softseam_services.jit import njit
+
+from .fronts import factor_fronts
 
 _N_ARGUMENTS = 16
 _create: Any = types.ExternalFunction("pthread_create", types.int32(*[types.intp] * 4))

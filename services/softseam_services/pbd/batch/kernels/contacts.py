@@ -36,17 +36,7 @@ from softseam_services.pbd.kernels.pairs import STEADY as ROW_STEADY
 from softseam_services.pbd.kernels.pairs import W as ROW_W
 from softseam_services.shapes.branches import BOX
 
-from .lane import (
-    TOOL,
-    WIDE,
-    begin_on_box,
-    box_gap_of,
-    counted,
-    first_of,
-    lends,
-    plane_gap_of,
-    solve_pair,
-)
+from .lane import TOOL, WIDE, begin_on_box, box_gap_of, counted, first_of, lends, plane_gap_of, solve_pair
 from .rows import load_rows, store_rows
 
 ROW_HOLDS, ROW_SOFT, ROW_NEAR = TOOL + N_OF_TOOL, TOOL + N_OF_TOOL + 1, TOOL + N_OF_TOOL + 2

@@ -31,14 +31,7 @@ from softseam_services.shapes.branches import BOX
 
 from .blocks import N_ROWS_OF_BLOCK, find_held, soften_blocks, spread_stresses, sweep_blocks
 from .contacts import N_ROWS_OF_PAIR, account, begin_contacts, find_near, solve_contacts
-from .lane import (
-    WIDE,
-    finish_node,
-    first_of,
-    largest_of_eight,
-    look_at_block,
-    predict_node,
-)
+from .lane import WIDE, finish_node, first_of, largest_of_eight, look_at_block, predict_node
 from .rows import load_block, load_rows, store_block, store_rows
 
 __all__ = ["N_ROWS_OF_BLOCK", "N_ROWS_OF_PAIR", "advance_groups"]
