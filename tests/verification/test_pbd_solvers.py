@@ -19,7 +19,8 @@ import pytest
 from numpy.typing import NDArray
 from pbd_run import Energy, PbdRun, block_scene, cantilever
 
-from softseam_services.pbd.kernels.block import N_STRESS, new_workspace
+from softseam_services.pbd.kernels.block import new_workspace
+from softseam_services.pbd.kernels.block_rows import N_STRESS
 from softseam_services.pbd.kernels.sweep import sweep
 from softseam_services.pbd.model import build_model
 from softseam_services.pbd.stability import KAPPA

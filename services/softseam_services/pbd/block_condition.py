@@ -10,7 +10,8 @@ import numpy as np
 
 from softseam_services.body.body import Floats
 
-from .kernels.block import N_STRESS, new_workspace
+from .kernels.block import new_workspace
+from .kernels.block_rows import N_STRESS
 from .kernels.damping import damping_share
 from .kernels.lanes import LANES, aligned
 from .kernels.sweep import block_forces, exact_stress

@@ -6,7 +6,7 @@ import numpy as np
 
 from softseam_services.body.body import Floats, Material
 
-from .kernels.block import BOUND, LAM, MU, N_CONSTANTS, PAIR, PARAMETERS, SHEAR, TWIST, B, G
+from .kernels.block_rows import BOUND, LAM, MU, N_CONSTANTS, PAIR, PARAMETERS, SHEAR, TWIST, B, G
 
 FITTED = (0.85, 0.0)
 

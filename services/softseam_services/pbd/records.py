@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import record
 
-from .kernels.block import N_STRESS, Constants
+from .kernels.block import Constants
+from .kernels.block_rows import N_STRESS
 from .kernels.damping import N_FRAME
 from .kernels.hanging import Hanging
 from .kernels.lanes import LANES, aligned

@@ -7,7 +7,7 @@ import numpy as np
 from softseam_services.body.body import Floats
 from softseam_services.jit import record
 
-from .kernels.block import N_STRESS
+from .kernels.block_rows import N_STRESS
 from .kernels.lanes import LANES
 from .kernels.trust import N_MONITOR
 

@@ -2,7 +2,8 @@
 
 from softseam_services.jit import njit
 
-from .block import ENERGY, VOLUME, gather, of_batch
+from .block import gather, of_batch
+from .block_rows import ENERGY, VOLUME
 from .lanes import LANES, move_four
 from .laws import write_energy
 

@@ -4,27 +4,8 @@ import numpy as np
 
 from softseam_services.body.materials.neo_hookean import J_MIN
 
-from .block import (
-    BOUND,
-    ENERGY,
-    LAM,
-    MU,
-    RATIO,
-    SOFTNESS,
-    STRESS,
-    VOLUME,
-    WANTED,
-    G,
-    answer,
-    bending_energy,
-    hoist,
-    hourglass,
-    node_softness,
-    of_lane,
-    residual,
-    shape,
-    write_row,
-)
+from .block import answer, bending_energy, hoist, hourglass, node_softness, of_lane, residual, shape, write_row
+from .block_rows import BOUND, ENERGY, LAM, MU, RATIO, SOFTNESS, STRESS, VOLUME, WANTED, G
 from .lanes import LANES, batch_kernel, lane_kernel
 from .logarithm import logarithm
 

@@ -3,7 +3,8 @@
 from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
 from softseam_services.jit import njit
 
-from .block import WANTED, gather, of_batch
+from .block import gather, of_batch
+from .block_rows import WANTED
 from .general import cauchy_lanes_general
 from .lanes import LANES
 from .linear import cauchy_lanes_linear

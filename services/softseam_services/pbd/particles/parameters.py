@@ -65,7 +65,7 @@ class ParticleParameters:
         return max(FEWEST, int(np.ceil(dt / h - 1e-9)))
 
 
-def shares(spec: PbdSpec) -> tuple[float, float, float]:
+def projection_shares(spec: PbdSpec) -> tuple[float, float, float]:
     """Stiffness of a projection of springs, of bends and of volumes in classic PBD; 0 for XPBD.
 
     Independent of the number n of sweeps, as far as sweeps are linear: k' = 1 - (1 - k)^(1/n) (Mueller, Heidelberger,
@@ -89,7 +89,7 @@ def build_parameters(
     pairs = build_tetrahedra(body.x_rest, layout.paired, model.paired)
     elastic = ElasticConstants(1.0, 1.0) if body.solid is None else body.solid.elastic
     pair_compliance, pair_gamma = pairs.pair(elastic)
-    stretch, bending, volume = shares(spec)
+    stretch, bending, volume = projection_shares(spec)
     joined = build_constraints(body, constraints)
     arrays = ParameterArrays(
         x_rest=body.x_rest,

@@ -46,7 +46,7 @@ from softseam_services.pbd.batch.layout import (
     W,
     X,
 )
-from softseam_services.pbd.kernels.block import VOLUME as BLOCK_VOLUME
+from softseam_services.pbd.kernels.block_rows import VOLUME as BLOCK_VOLUME
 from softseam_services.pbd.kernels.contact import NO_MEMORY
 from softseam_services.pbd.kernels.form import FORM
 from softseam_services.pbd.kernels.pairs import ALLOWED as ROW_ALLOWED

@@ -23,8 +23,8 @@ from softseam_services.pbd.batch.layout import (
     W,
     X,
 )
-from softseam_services.pbd.kernels.block import VOLUME as BLOCK_VOLUME
-from softseam_services.pbd.kernels.block import WANTED
+from softseam_services.pbd.kernels.block_rows import VOLUME as BLOCK_VOLUME
+from softseam_services.pbd.kernels.block_rows import WANTED
 from softseam_services.pbd.kernels.form import FORM
 from softseam_services.pbd.kernels.lanes import LANES, batch_kernel
 from softseam_services.shapes.branches import BOX
