@@ -14,12 +14,6 @@ from softseam_services.body.build import build_body
 from softseam_services.fem.face_forces import point_positions
 from softseam_services.fem.kernels.candidates import find_candidates
 from softseam_services.fem.kernels.contact import (
-    ANCHOR,
-    HELD,
-    N_STATE,
-    OPEN,
-    SLIP,
-    STICK,
     add_contact_forces,
     any_held,
     evaluate_contacts,
@@ -27,6 +21,7 @@ from softseam_services.fem.kernels.contact import (
     lets_go,
     next_anchor,
 )
+from softseam_services.fem.kernels.contact_columns import ANCHOR, HELD, N_STATE, OPEN, SLIP, STICK
 from softseam_services.fem.kernels.contact_tangents import add_contact_tangents
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters

@@ -24,7 +24,7 @@ from .face_forces import taken_over
 from .inputs import Inputs, NewtonSettings, build_result
 from .integrators.scheme import IMPLICIT_EULER, Scheme
 from .kernels import step as kernel
-from .kernels.contact import NORMAL, OPEN, PRESSURE, SLIP, TRACTION, TRIAL
+from .kernels.contact_columns import NORMAL, OPEN, PRESSURE, SLIP, TRACTION, TRIAL
 from .kernels.elements import cauchy_stress
 from .kernels.fronts import solve
 from .kernels.newton import CONVERGED

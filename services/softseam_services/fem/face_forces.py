@@ -4,7 +4,7 @@ import numpy as np
 
 from softseam_services.body.body import Floats, Ints
 
-from .kernels.contact import ANCHOR, FORCE, N_STATE
+from .kernels.contact_columns import ANCHOR, FORCE, N_STATE
 from .model import FemModel
 from .parameters import FemParameters
 

@@ -24,7 +24,7 @@ from .dissection import dissect
 from .elements.hex27 import SHARES
 from .elements.hex27_box import number_patterns
 from .joints import Joints, build_joints, root_cells
-from .kernels.contact import ALONE, AT_NODE, SPREAD
+from .kernels.contact_columns import ALONE, AT_NODE, SPREAD
 from .octants import cut_cells
 from .rule import cell_shapes
 from .tree import Tree

@@ -24,7 +24,7 @@ from .failures import STATUS
 from .field_reader import FieldReader
 from .joints import follow_roots
 from .kernels import step as kernel
-from .kernels.contact import N_STATE
+from .kernels.contact_columns import N_STATE
 from .kernels.elements import strain_energy
 from .kernels.newton import CONVERGED
 from .model import FemModel

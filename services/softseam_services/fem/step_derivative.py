@@ -14,7 +14,7 @@ from .contact_slopes import build_slopes
 from .differential import Differential, no_differential
 from .inputs import NO_PUSH, Inputs, NewtonSettings, build_result
 from .integrators.scheme import Scheme
-from .kernels.contact import NORMAL, OPEN, PRESSURE, TRACTION
+from .kernels.contact_columns import NORMAL, OPEN, PRESSURE, TRACTION
 from .kernels.newton import CONVERGED, N_CANDIDATES
 from .kernels.step import N_OUT, RETRACE, advance
 from .kernels.step_derivative import begin_back, begin_forward, differentiate, finish_back, finish_forward, solve_whole

@@ -20,7 +20,7 @@ from softseam_services.tools.symmetry import images_of_tools
 from softseam_services.tools.tool_set import ToolSet
 
 from .face_forces import point_positions
-from .kernels.contact import FORCE
+from .kernels.contact_columns import FORCE
 from .kernels.symmetry import add_images, unfold_contact, unfold_nodes
 from .state import FemState
 from .structures import Structures, Tables, build_tables

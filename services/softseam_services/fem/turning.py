@@ -6,7 +6,7 @@ from softseam_services.body.turning import Turning
 
 from .integrators.bdf2 import kept_on
 from .integrators.scheme import BDF2, STATIC, SYMPLECTIC_EULER, Scheme
-from .kernels.contact import FORCE
+from .kernels.contact_columns import FORCE
 from .model import FemModel
 from .parameters import FemParameters
 from .state import FemState

@@ -21,7 +21,8 @@ from softseam_services.tools.kernels import (
     tool_gap,
 )
 
-from .contact import ANCHOR, AT_NODE, EDGED, OPEN, SPREAD, SWEPT, coefficient, point_position
+from .contact import coefficient, point_position
+from .contact_columns import ANCHOR, AT_NODE, EDGED, OPEN, SPREAD, SWEPT
 
 _NOBODY, SEVERAL = -1, -2
 _ALIKE = 0.9

@@ -15,7 +15,8 @@ import numpy as np
 from softseam_services.jit import njit
 
 from .anderson import add_scaled
-from .contact import EDGED, NORMAL, OPEN, PRESSURE, RELAXED, SLIP, SLOPE, TRACTION, TRIAL, coefficient
+from .contact import coefficient
+from .contact_columns import EDGED, NORMAL, OPEN, PRESSURE, RELAXED, SLIP, SLOPE, TRACTION, TRIAL
 from .contact_tangents import LEANS, SPREADS
 from .dot import dot
 from .fronts import solve

@@ -22,20 +22,8 @@ from softseam_services.shapes.branches import CYLINDER, PLANE
 from softseam_services.tools.kernels import SLOW, patch_press, rotate, tool_gap
 
 from .candidates import SEVERAL, find_holders, firmness, meets
-from .contact import (
-    EDGED,
-    GAP,
-    NORMAL,
-    OPEN,
-    PRESSURE,
-    SLIP,
-    SLOPE,
-    SWEPT,
-    TRIAL,
-    coefficient,
-    patch_edges,
-    point_position,
-)
+from .contact import coefficient, patch_edges, point_position
+from .contact_columns import EDGED, GAP, NORMAL, OPEN, PRESSURE, SLIP, SLOPE, SWEPT, TRIAL
 
 BY_PENALTY, BY_FRICTION = 0, 1
 """columns of `numbers`"""

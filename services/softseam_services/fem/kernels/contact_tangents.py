@@ -11,21 +11,8 @@ import numpy as np
 from softseam_services.jit import njit
 
 from .cells import LANES
-from .contact import (
-    EDGED,
-    GAP,
-    NORMAL,
-    OPEN,
-    PRESSURE,
-    RELAXED,
-    SLIP,
-    SLOPE,
-    SPREAD,
-    STICK,
-    TRACTION,
-    TRIAL,
-    coefficient,
-)
+from .contact import coefficient
+from .contact_columns import EDGED, GAP, NORMAL, OPEN, PRESSURE, RELAXED, SLIP, SLOPE, SPREAD, STICK, TRACTION, TRIAL
 from .fronts import add_block, add_block_row
 from .lapack import product
 

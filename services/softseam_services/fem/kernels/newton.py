@@ -15,8 +15,9 @@ from softseam_services.jit import njit
 
 from .anderson import accelerate
 from .candidates import find_candidates
-from .contact import OPEN, RELAXED, add_contact_forces, any_held, evaluate_contacts, firm_way, hold_what_stuck, lets_go
+from .contact import add_contact_forces, any_held, evaluate_contacts, firm_way, hold_what_stuck, lets_go
 from .contact_changes import solve_with_changes
+from .contact_columns import OPEN, RELAXED
 from .contact_tangents import add_contact_tangents
 from .dot import dot
 from .elements import add_cell_tangents, subtract_forces

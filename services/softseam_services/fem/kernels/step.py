@@ -8,23 +8,9 @@ from softseam_services.jit import njit
 from softseam_services.tools.kernels import cell_distances, tool_travel
 
 from .candidates import find_candidates
-from .contact import (
-    ANCHOR,
-    GAP,
-    NORMAL,
-    OPEN,
-    PRESSURE,
-    RELAXED,
-    SLIDE,
-    TRACTION,
-    acting_place,
-    augment,
-    evaluate_contacts,
-    next_anchor,
-    patch_edges,
-    point_position,
-)
+from .contact import acting_place, augment, evaluate_contacts, next_anchor, patch_edges, point_position
 from .contact_changes import add_resistance
+from .contact_columns import ANCHOR, GAP, NORMAL, OPEN, PRESSURE, RELAXED, SLIDE, TRACTION
 from .elements import strain_energy
 from .linear_answer import move_on
 from .newton import (

@@ -22,7 +22,7 @@ import numpy as np
 from softseam_services.jit import njit
 
 from .anderson import add_scaled
-from .contact import EDGED, OPEN, SWEPT
+from .contact_columns import EDGED, OPEN, SWEPT
 from .contact_derivative import BY_FRICTION, BY_PENALTY, differentiate_contacts
 from .contact_spread import (
     ACTING,

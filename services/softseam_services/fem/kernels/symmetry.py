@@ -9,7 +9,7 @@ import numpy as np
 
 from softseam_services.jit import njit
 
-from .contact import ANCHOR, FORCE, SLIP_SO_FAR
+from .contact_columns import ANCHOR, FORCE, SLIP_SO_FAR
 from .step import ANGULAR, GRAVITY, HIGHEST, KINETIC, LOWEST, MOMENTUM, N_CONTACTS, SEAM_WORK, STRAIN, TOOL_WORK
 
 
