@@ -25,9 +25,8 @@ from timing import least
 from softseam_services.fem.kernels.candidates import find_candidates
 from softseam_services.fem.kernels.contact import add_contact_forces, evaluate_contacts
 from softseam_services.fem.kernels.elements import add_cell_tangents
-from softseam_services.fem.kernels.fronts import ALL, OWN, add_diagonal, solve
+from softseam_services.fem.kernels.fronts import ALL, OWN, add_diagonal, factor, solve
 from softseam_services.fem.kernels.newton import residual
-from softseam_services.fem.kernels.two_threads import factor
 from softseam_services.fem.tool_motion import moved
 from softseam_services.fem.tree import Factoring
 

@@ -21,9 +21,8 @@ from .contact_columns import OPEN, RELAXED
 from .contact_tangents import add_contact_tangents
 from .dot import dot
 from .elements import add_cell_tangents, subtract_forces
-from .fronts import add_diagonal, add_seam_stiffness, hold, seam_inverse, solve
+from .fronts import add_diagonal, add_seam_stiffness, factor, hold, seam_inverse, solve
 from .lapack import multiply
-from .two_threads import factor
 from .viscosity import add_viscous_tangents, subtract_viscous
 from .viscous_start import resist
 
