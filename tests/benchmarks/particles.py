@@ -30,7 +30,7 @@ from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.pbd.kernels.lanes import aligned
 from softseam_services.pbd.particles.batches import batches
 from softseam_services.pbd.particles.kernels import distance, neo_hookean
-from softseam_services.pbd.particles.tetrahedra import build_tetrahedra
+from softseam_services.pbd.particles.parameters import build_tetrahedra
 from softseam_services.tools.motion import tool_motion
 
 Floats = NDArray[np.float64]

@@ -11,11 +11,9 @@ from pbd_run import PbdRun, block_scene
 
 from softseam_services.body.materials import neo_hookean
 from softseam_services.pbd.kernels.lanes import LANES, LINE, aligned, transpose_four
-from softseam_services.pbd.kernels.logarithm import logarithm
-from softseam_services.pbd.kernels.neo_hookean import volumetric
+from softseam_services.pbd.kernels.neo_hookean import logarithm, volumetric
 from softseam_services.pbd.kernels.pairs import DIRECT, EIGHT, POINT, find_pairs
-from softseam_services.pbd.records import new_contacts, new_inputs
-from softseam_services.pbd.state import new_state
+from softseam_services.pbd.records import new_contacts, new_inputs, new_state
 
 MU, LAM = 7e3, 62e3
 GROUND = {"kind": "plane", "friction": 0.6}

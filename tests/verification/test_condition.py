@@ -17,8 +17,7 @@ from tet_bar import bar_run
 
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_services.body.particles import ParticleBody
-from softseam_services.pbd.block_condition import block_spectrum, block_tangents
-from softseam_services.pbd.condition import condition_of
+from softseam_services.pbd.condition import block_spectrum, block_tangents, condition_of
 from softseam_services.pbd.kernels.block import new_workspace
 from softseam_services.pbd.kernels.lanes import aligned
 from softseam_services.pbd.kernels.sweep import batch_energies

@@ -28,8 +28,8 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.pbd.kernels.block import new_workspace
 from softseam_services.pbd.kernels.sweep import block_forces
+from softseam_services.pbd.records import PbdState
 from softseam_services.pbd.solver import PbdSolver
-from softseam_services.pbd.state import PbdState
 
 Floats = NDArray[np.float64]
 

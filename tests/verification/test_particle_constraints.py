@@ -20,7 +20,7 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.pbd.particles.batches import batches
 from softseam_services.pbd.particles.kernels import bending, distance, neo_hookean, strain
-from softseam_services.pbd.particles.tetrahedra import build_tetrahedra
+from softseam_services.pbd.particles.parameters import build_tetrahedra
 from softseam_services.pbd.particles.volume import VOLUME
 
 Floats = NDArray[np.float64]
@@ -39,12 +39,6 @@ def volume_of(x: Floats) -> float:
 def gradient_of(x: Floats) -> Floats:
     """F."""
     return np.asarray((x[1:] - x[0]).T @ np.linalg.inv((REST[1:] - REST[0]).T))
-
-
-def angle_of(x: Floats) -> float:
-    edge = x[1] - x[0]
-    first, second = np.cross(edge, x[2] - x[0]), np.cross(x[3] - x[0], edge)
-    return float(np.arctan2(np.cross(first, second) @ edge / np.linalg.norm(edge), first @ second))
 
 
 def green(x: Floats) -> Floats:
@@ -168,34 +162,6 @@ def test_a_volume_stiffens_a_tetrahedron_by_its_bulk_modulus(bulk: float | None)
     wave = ElasticConstants.from_young_poisson(young, poisson).p_wave + (bulk or 0.0)
     sunk = float(run.body.x_rest[apex, 2] - run.x[apex, 2])
     assert sunk == pytest.approx(density * g * h**2 / (4.0 * wave), rel=2e-3)
-
-
-def test_hinges_of_equilateral_triangles_bend_as_a_plate() -> None:
-    """Rolled about any axis, w = k s^2/2: the three hinges of two triangles bear D/2 k^2 times the triangles' area.
-
-    The sum vanishes on every flat hinge, and for small angles the angle's energy D/2 (|e|^2/A) theta^2 is the same.
-    """
-    rng = np.random.default_rng(4)
-    c = np.empty(4)
-    for _ in range(20):
-        x = np.zeros((4, 3))
-        x[1, 0] = 1.0
-        x[2, :2], x[3, :2] = rng.uniform(0.1, 0.9, 2), rng.uniform(0.1, 0.9, 2) * [1.0, -1.0]
-        bending.hinge_coefficients(x, c)
-        assert c.sum() == pytest.approx(0.0, abs=1e-12)
-        assert c @ x == pytest.approx(np.zeros(3), abs=1e-12)
-    tall = 0.5 * np.sqrt(3.0)
-    hinge = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, tall, 0.0], [0.5, -tall, 0.0]])
-    for direction in (0.0, 0.3, np.pi / 6, 1.0, np.pi / 2):
-        energy = by_angle = 0.0
-        for turn in (0.0, np.pi / 3, 2.0 * np.pi / 3):
-            turned = hinge @ np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
-            factor = bending.hinge_coefficients(turned, c)
-            turned[:, 2] = 0.5 * 1e-3 * (turned @ [np.cos(direction), np.sin(direction), 0.0]) ** 2
-            energy += 0.5 * factor * float(c @ turned[:, 2]) ** 2
-            by_angle += 0.5 * factor * angle_of(turned) ** 2
-        assert energy == pytest.approx(0.5 * 1e-6 * tall, rel=1e-12, abs=0.0)
-        assert by_angle == pytest.approx(0.5 * 1e-6 * tall, rel=1e-5, abs=0.0)
 
 
 BLOCK: dict[str, Any] = {

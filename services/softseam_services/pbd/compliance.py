@@ -13,14 +13,13 @@ from softseam_protocol.facts import cores
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import record
 
+from .kernels.begin import find_patches
 from .kernels.block import new_workspace
-from .kernels.patch import find_patches
 from .kernels.probe import probe_seam
 from .kernels.thread_team import new_team
 from .model import PbdModel
 from .parameters import PbdParameters, block_softness
-from .records import Scratch, new_inputs, new_scratch
-from .state import PbdState, new_state
+from .records import PbdState, Scratch, new_inputs, new_scratch, new_state
 from .two_threads import share_out
 
 Ways = NDArray[np.float64]

@@ -6,16 +6,15 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Fields
 from softseam_services.body.body import Body, Floats, Region
 
-from .internal import to_octants
-from .kernels.energy import cell_energies
+from .blocks import to_octants
+from .kernels.laws import cell_energies, octant_stress
 from .kernels.pairs import place_points
-from .kernels.stress import octant_stress
 from .levels import fill_in
 from .model import PbdModel
 from .model_error import ModelError
 from .parameters import PbdParameters
 from .points import gather
-from .state import PbdState
+from .records import PbdState
 
 
 class FieldReader:

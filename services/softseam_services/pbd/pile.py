@@ -7,17 +7,17 @@ between the bodies is to come: in `kernels.pile`, beside the contacts with tools
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.outcomes import Detail
+from softseam_protocol.messages.outcomes import Detail, Status
 from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
-from softseam_protocol.messages.pile import Begun
+from softseam_protocol.messages.pile import Begun, Members, Note
 from softseam_protocol.participant.pile_state import join_states, split_states
 from softseam_services.body.body import Floats
 from softseam_services.body.kernels.bounds import bound_points
@@ -30,11 +30,8 @@ from .kernels import trust
 from .kernels.block import new_workspace
 from .kernels.thread_team import new_team
 from .pile_pieces import Piece, Pieces
-from .pile_reply import Said, Stepped, reply_of
-from .records import new_inputs
-from .start import start_state
-from .state import PbdState, decode_state, encode_state
-from .step import NO_FORCES, StepInputs, place_tools, share_out, stay, step
+from .records import PbdState, decode_state, encode_state, new_inputs
+from .step import NO_FORCES, StepInputs, place_tools, share_out, start_state, stay, step
 
 if TYPE_CHECKING:  # which builds by the row that names this file
     from softseam_services.server import Setup
@@ -170,7 +167,7 @@ class PileSolver:
             piece, note = self.pieces[number], notes[number].tolist()
             fault, before = watch.FAULTS[note[of_pile.FAULT]], self._committed(piece)
             cause = note[of_pile.CAUSE]
-            why = watch.GROWS if cause == of_pile.LAGGED else watch.FAULTS[cause].value.split(":")[0]
+            why = watch.GROWS if cause == of_pile.LAGGED else watch.FAULTS[cause].text.split(":")[0]
             counts = note[of_pile.ATTEMPT], note[of_pile.SUBSTEPS], note[of_pile.SWEEPS], note[of_pile.UNFINISHED]
             said = watch.alarm(why, self._all.results[number], before.monitor, *counts)
             if note[of_pile.HALVED]:
@@ -236,3 +233,84 @@ class PileSolver:
         self._tentative = False
         self._same[:] = False
         self._see_unshared()
+
+
+Said = tuple[watch.Fault, dict[Detail, str]]
+"""what is wrong with a body's step, and what its monitor says"""
+
+
+class Stepped(NamedTuple):
+    """What became of all b bodies of a pile in a step between t tools."""
+
+    results: Floats
+    """(b, N_RESULTS)"""
+    wrenches: Floats
+    """(b, t, 6) [N, N m]"""
+    sweeps: NDArray[np.int64]
+    """(b,)"""
+    substeps: NDArray[np.int64]
+    dissipated: Floats
+    """(b,) [J]"""
+
+
+def reply_of(
+    header: Header, awake: NDArray[np.int64], stepped: Stepped, said: Mapping[int, Said], seconds: float
+) -> Advanced:
+    """Of the bodies that took the step; said: of those of which there is something to say, by their numbers."""
+    rows = np.ascontiguousarray(stepped.results[awake].T)
+    wrench, dissipated = stepped.wrenches[awake], stepped.dissipated[awake]
+    places = {number: place for place, number in enumerate(awake.tolist())} if said else {}
+    notes = [
+        Note(places[number], fault.status, fault.why, "; ".join(text.values()), list(text))
+        for number, (fault, text) in sorted(said.items())
+        if text or fault is not watch.Fault.NONE
+    ]
+    members = Members(
+        rows[k.KINETIC],
+        rows[k.STRAIN],
+        rows[k.GRAVITY],
+        rows[k.TOOL_WORK],
+        dissipated,
+        np.ascontiguousarray(rows[k.MOMENTUM : k.MOMENTUM + 3].T),
+        np.ascontiguousarray(rows[k.ANGULAR : k.ANGULAR + 3].T),
+        rows[k.PENETRATION],
+        rows[k.SLIP],
+        rows[k.RESIDUAL],
+        rows[k.N_CONTACTS].astype(np.int32),
+        stepped.sweeps[awake].astype(np.int32),
+        stepped.substeps[awake].astype(np.int32),
+        wrench,
+        np.ascontiguousarray(rows[k.BOUNDS : k.BOUNDS + 3].T),
+        np.ascontiguousarray(rows[k.BOUNDS + 3 : k.BOUNDS + 6].T),
+        notes,
+    )
+    bounds = np.zeros((2, 3))
+    if len(awake):
+        bounds = np.stack((members.low.min(axis=0), members.high.max(axis=0)))
+    wrong = [note for note in notes if note.status is not Status.CONVERGED]
+    return Advanced(
+        header,
+        wrong[0].status if wrong else Status.CONVERGED,
+        np.zeros((0, 3)),
+        np.zeros((0, 0)),
+        wrench.sum(axis=0),
+        float(rows[k.KINETIC].sum()),
+        float(rows[k.STRAIN].sum()),
+        float(rows[k.GRAVITY].sum()),
+        float(rows[k.TOOL_WORK].sum()),
+        0.0,
+        members.momentum.sum(axis=0),
+        members.angular_momentum.sum(axis=0),
+        float(rows[k.PENETRATION].max(initial=0.0)),
+        float(rows[k.SLIP].max(initial=0.0)),
+        int(members.n_contacts.sum()),
+        int(members.iterations.max(initial=0)),
+        seconds,
+        np.zeros(0),
+        bounds,
+        n_substeps=int(members.n_substeps.max(initial=1)),
+        residual=float(rows[k.RESIDUAL].max(initial=0.0)),
+        why=wrong[0].why if wrong else "",
+        dissipated=float(dissipated.sum()),
+        members=members,
+    )

@@ -21,9 +21,8 @@ from .kernels import trust
 from .kernels.linear_correction import correct_linearly
 from .model import PbdModel, build_model
 from .parameters import build_parameters
-from .start import start_state
-from .state import decode_state, encode_state, new_state
-from .step import NO_FORCES, NO_TURN, StepInputs, StepResult, StepScratch, leap_ahead, stay, step
+from .records import decode_state, encode_state, new_state
+from .step import NO_FORCES, NO_TURN, StepInputs, StepResult, StepScratch, leap_ahead, start_state, stay, step
 
 
 class PbdSolver:
@@ -83,7 +82,7 @@ class PbdSolver:
         start = time.perf_counter()
         refused = problem_of(request, self.model.n_tools, len(self._region.seam))
         if not refused and len(request.coupling_target):
-            refused = watch.Fault.ANCHOR.value
+            refused = watch.Fault.ANCHOR.text
         if refused:
             self._taken = stay(self.parameters, self._committed, self._scratch)
         else:
@@ -95,7 +94,7 @@ class PbdSolver:
             compliance = self._compliance(request)
         ramp = len(request.coupling_force_start) > 0
         seam_v = self._scratch.next.v.take(self._region.seam, axis=0) if ramp else NO_FORCES
-        return self._reply(request.header, refused or self._taken.why, compliance, seam_v, start)
+        return self._reply(request.header, refused or self._taken.fault.why, compliance, seam_v, start)
 
     def _reply(self, header: Header, why: str, compliance: Floats, seam_v: Floats, start: float) -> Advanced:
         """What became of the last request."""
@@ -192,7 +191,7 @@ class PbdSolver:
         watch.settle(work.monitor, result)
         moved = work.x.take(seam, axis=0) - self._committed.x.take(seam, axis=0)
         result[k.SEAM_WORK] = float(np.vdot(request.force, moved))
-        return self._reply(request.header, self._taken.why, np.zeros((0, 0)), NO_FORCES, began)
+        return self._reply(request.header, self._taken.fault.why, np.zeros((0, 0)), NO_FORCES, began)
 
     @property
     def capabilities(self) -> Capabilities:

@@ -13,29 +13,31 @@ GAINS = "gains energy where tools touch: shorter substeps while they do"
 
 
 class Fault(Enum):
-    """Outcome of a step; the text names the remedy."""
+    """Outcome of a step, in words that name the remedy, and in one."""
 
-    NONE = "converged"
-    INPUT = "the request cannot be served"
-    ANCHOR = "PBD takes a seam force that is constant over the step: leave coupling_target empty on this side"
-    DIVERGED = "the blocks diverged: take a shorter step, more substeps or sweeps, or make the region fem"
-    HASTE = "leapfrog's substep is beyond its limit: take more substeps, or method: xpbd"
-    ENERGY = "the energy rises without work: take a shorter step, more substeps or sweeps, or make the region fem"
+    NONE = "converged", Status.CONVERGED
+    INPUT = "the request cannot be served", Status.REFUSED
+    ANCHOR = (
+        "PBD takes a seam force that is constant over the step: leave coupling_target empty on this side",
+        Status.REFUSED,
+    )
+    DIVERGED = (
+        "the blocks diverged: take a shorter step, more substeps or sweeps, or make the region fem",
+        Status.DIVERGED,
+    )
+    HASTE = "leapfrog's substep is beyond its limit: take more substeps, or method: xpbd", Status.DOUBTFUL
+    ENERGY = (
+        "the energy rises without work: take a shorter step, more substeps or sweeps, or make the region fem",
+        Status.DOUBTFUL,
+    )
+
+    def __init__(self, text: str, status: Status) -> None:
+        self.text, self.status = text, status
 
     @property
-    def status(self) -> Status:
-        """The same in a word."""
-        return _STATUS[self]
-
-
-_STATUS = {
-    Fault.NONE: Status.CONVERGED,
-    Fault.INPUT: Status.REFUSED,
-    Fault.ANCHOR: Status.REFUSED,
-    Fault.DIVERGED: Status.DIVERGED,
-    Fault.HASTE: Status.DOUBTFUL,
-    Fault.ENERGY: Status.DOUBTFUL,
-}
+    def why(self) -> str:
+        """What is wrong and the remedy; '' where nothing is."""
+        return "" if self is Fault.NONE else self.text
 
 
 FAULTS = (Fault.NONE, Fault.DIVERGED, Fault.HASTE, Fault.ENERGY)

@@ -7,14 +7,16 @@ import numpy as np
 
 from softseam_protocol.scene.models import PbdSpec
 from softseam_protocol.scene.particles import ConstraintSpec
+from softseam_services.body.body import Floats, Ints
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.particles import ParticleBody
 from softseam_services.tools.tool_set import ToolSet
 
+from .batches import Batches, batches
 from .constraints import Joined, build_constraints
+from .kernels.tetrahedron import rest_shapes
 from .model import ParticleModel, lay_out
 from .records import ParameterArrays
-from .tetrahedra import build_tetrahedra
 
 SLACK = 0.005
 """strain of a body that hangs by its edge from sweeps that are not finished, which the automatic substeps allow"""
@@ -127,3 +129,39 @@ def build_parameters(
         hold=float(body.radius + body.spacing),
     )
     return ParticleParameters(body=body, tools=tools, spec=spec, joined=joined, arrays=arrays)
+
+
+@dataclass(frozen=True)
+class Tetrahedra:
+    """m tetrahedra in b batches, ready for the kernels `neo_hookean` and `strain`."""
+
+    batches: Batches
+    volume: Floats
+    """at rest (m,) [m^3]"""
+    inverse: Floats
+    """D_m^-1, row by row (b, 9, 8) [1/m]"""
+
+    def pair(self, elastic: ElasticConstants) -> tuple[Floats, Floats]:
+        """Compliances of the neo-Hookean pair (b, 2, 8) [1/J], and gamma (b, 8)."""
+        bulk = elastic.lambda_ + elastic.mu
+        alpha = np.stack([1.0 / (elastic.mu * self.volume), 1.0 / (bulk * self.volume)], axis=1)
+        gamma = np.full(len(self.volume), 1.0 + elastic.mu / bulk)
+        return self.batches.lanes(alpha), self.batches.lanes(gamma)
+
+    def strains(self, elastic: ElasticConstants) -> Floats:
+        """Compliances of stretches, shears and the trace (b, 3, 8) [1/J]; lambda must be positive."""
+        moduli = np.array([2.0 * elastic.mu, elastic.mu, elastic.lambda_])
+        return self.batches.lanes(1.0 / (self.volume[:, None] * moduli))
+
+
+def build_tetrahedra(x_rest: Floats, nodes: Ints, laid_out: Batches | None = None) -> Tetrahedra:
+    """From rest positions (n, 3) and corners (m, 4), in batches where these are known. Raises ValueError where a
+    tetrahedron is flat or inside out."""
+    nodes = np.ascontiguousarray(nodes, dtype=np.int32)
+    inverse, volume = np.empty((len(nodes), 3, 3)), np.empty(len(nodes))
+    rest_shapes(x_rest, nodes, inverse, volume)
+    bad = np.flatnonzero(~(volume > 0.0))
+    if len(bad):
+        raise ValueError(f"tetrahedron {bad[0]} has the volume {volume[bad[0]]:.3g} m^3: order its corners outwards")
+    made = batches(len(x_rest), nodes) if laid_out is None else laid_out
+    return Tetrahedra(made, volume, made.lanes(inverse.reshape(-1, 9)))

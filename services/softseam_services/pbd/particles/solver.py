@@ -26,7 +26,7 @@ from .constraints import constraints_of
 from .kernels import summary as k
 from .model import ParticleModel, build_model
 from .parameters import build_parameters
-from .state import decode_state, encode_state, new_state
+from .records import decode_state, encode_state, new_state
 from .step import Fault, StepScratch, advance, measure, stay, step
 
 
@@ -118,7 +118,7 @@ class ParticleSolver:
             bounds=result[k.BOUNDS : k.BOUNDS + 6].copy().reshape(2, 3),
             alarm=alarm,
             particles=self._measures(),
-            why="" if fault is Fault.NONE else wrong or fault.value,
+            why="" if fault is Fault.NONE else wrong or fault.text,
             alarm_details=[Detail.INSIDE_OUT] if alarm else [],
         )
 
