@@ -12,6 +12,7 @@ from test_fem_fronts import _dense
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.build import build_body
 from softseam_services.fem.face_forces import point_positions
+from softseam_services.fem.inputs import Tools, at_rest, moved
 from softseam_services.fem.kernels.candidates import find_candidates
 from softseam_services.fem.kernels.contact import (
     add_contact_forces,
@@ -25,7 +26,6 @@ from softseam_services.fem.kernels.contact_columns import ANCHOR, HELD, N_STATE,
 from softseam_services.fem.kernels.contact_tangents import add_contact_tangents
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters
-from softseam_services.fem.tool_motion import Tools, at_rest, moved
 from softseam_services.fem.tree import Tree
 from softseam_services.fem.work import Work
 from softseam_services.shapes.branches import PLANE

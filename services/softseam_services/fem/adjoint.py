@@ -21,7 +21,7 @@ from softseam_services.tools.edged import with_round_edges
 from softseam_services.tools.tool_set import ToolSet
 
 from .face_forces import taken_over
-from .inputs import Inputs, NewtonSettings, build_result
+from .inputs import Inputs, NewtonSettings, at_rest, build_result, moved
 from .integrators.scheme import IMPLICIT_EULER, Scheme
 from .kernels import step as kernel
 from .kernels.contact_columns import NORMAL, OPEN, PRESSURE, SLIP, TRACTION, TRIAL
@@ -32,7 +32,6 @@ from .model import FemModel
 from .parameters import FemParameters
 from .state import FemState
 from .structures import build_tables
-from .tool_motion import at_rest, moved
 from .work import Work, build_work
 
 _CROSSINGS = 1e3

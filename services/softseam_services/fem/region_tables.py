@@ -13,7 +13,7 @@ from softseam_services.tools.symmetry import symmetry_axes
 from softseam_services.tools.tool_set import ToolSet
 
 from .mesh_error import MeshError
-from .structures import Structures, Tables, build_tables
+from .structures import FemStructures, Tables, build_tables
 from .symmetry import PointImages, Reduction, reduce
 
 
@@ -21,7 +21,7 @@ class RegionTables:
     """Of one region; no step writes to any, so that solvers of one region may share them."""
 
     def __init__(
-        self, body: Body, region: Region, tools: ToolSet, scene: Scene, structures: Structures | None = None
+        self, body: Body, region: Region, tools: ToolSet, scene: Scene, structures: FemStructures | None = None
     ) -> None:
         """structures: those that are known, which gain this region's."""
         self._structures = structures

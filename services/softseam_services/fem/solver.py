@@ -22,6 +22,7 @@ from softseam_services.totals import Totals
 from .face_forces import taken_over
 from .failures import STATUS
 from .field_reader import FieldReader
+from .inputs import AT_ONCE, StepInputs, StepResult, at_rest, moved
 from .joints import follow_roots
 from .kernels import step as kernel
 from .kernels.contact_columns import N_STATE
@@ -29,14 +30,10 @@ from .kernels.elements import strain_energy
 from .kernels.newton import CONVERGED
 from .model import FemModel
 from .region_tables import RegionTables
-from .snapshot import pack, unpack
-from .state import FemState
+from .state import FemState, pack, unpack
 from .step import Stepper
-from .step_derivative import Augmentation
-from .step_inputs import AT_ONCE, StepInputs, StepResult
+from .step_derivative import Augmentation, FemTape
 from .structures import Tables
-from .tape import FemTape
-from .tool_motion import at_rest, moved
 from .work import Work, build_work
 
 _NONE, _FREE, _NO_SUMS = np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0)
@@ -193,10 +190,7 @@ class FemSolver:
 
     def _failed(self, request: Advance, status: Status, why: str, began: float) -> Advanced:
         now, end = self._committed, self._next
-        end.x[:], end.v[:], end.contact[:] = now.x, now.v, now.contact
-        end.history[:], end.past, end.level = now.history, now.past, now.level
-        end.material[:], end.share[:], end.passed[:] = now.material, now.share, now.passed
-        end.dissipated[:] = now.dissipated
+        now.into(end)
         self._tentative = False
         self._stepper.fail(now)
         self._stand(now)

@@ -14,9 +14,8 @@ from softseam_services.body.body import Floats, Ints
 from softseam_services.body.turning import Turning, with_change
 
 from . import substeps
-from .failures import why
-from .inputs import NO_PUSH, Inputs, NewtonSettings, build_result
-from .inside_out import alarm
+from .failures import alarm, why
+from .inputs import AT_ONCE, NO_PUSH, Inputs, NewtonSettings, StepInputs, StepResult, Tools, build_result, part_of
 from .integrators.scheme import IMPLICIT_EULER, STATIC, SYMPLECTIC_EULER
 from .integrators.static import raised
 from .integrators.table import build_scheme, forces_at, velocity_gain, works_at
@@ -28,8 +27,6 @@ from .kernels.points import remember
 from .model import FemModel
 from .parameters import FemParameters
 from .state import FemState
-from .step_inputs import AT_ONCE, NO_TURN, StepInputs, StepResult
-from .tool_motion import Tools, part_of
 from .turning import begins, free_to_turn
 from .work import build_work
 
@@ -49,7 +46,7 @@ class Stepper:
         self._spec, self._n_tools = spec, n_tools
         self._parts: substeps.Substeps | None = None
         self._told = -1.0  # factor whose yield of the seam was last reported
-        self._turn, self.given = NO_TURN, 0.0
+        self._turn, self.given = np.zeros(0), 0.0
         """to a rotation in the last step, beyond the work of contact along the chords of ways [J]"""
         self._moment = np.zeros((3, 3))
         self.knows_impedance = False

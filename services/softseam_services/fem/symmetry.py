@@ -20,11 +20,11 @@ from softseam_services.tools.symmetry import images_of_tools
 from softseam_services.tools.tool_set import ToolSet
 
 from .face_forces import point_positions
+from .inputs import Tools
 from .kernels.contact_columns import FORCE
 from .kernels.symmetry import add_images, unfold_contact, unfold_nodes
 from .state import FemState
-from .structures import Structures, Tables, build_tables
-from .tool_motion import Tools
+from .structures import FemStructures, Tables, build_tables
 
 _NO_NODES = np.zeros(0, dtype=np.int32)
 
@@ -143,7 +143,7 @@ class PointImages:
 
 
 def reduce(
-    body: Body, tools: ToolSet, spec: FemSpec, axes: tuple[int, ...], structures: Structures | None = None
+    body: Body, tools: ToolSet, spec: FemSpec, axes: tuple[int, ...], structures: FemStructures | None = None
 ) -> Reduction:
     """What FEM solves for of a body that is symmetric across these axes; structures: those that are known.
 

@@ -138,7 +138,7 @@ class Work(NamedTuple):
     seam_actual: Floats
     """force on the seam nodes at the end of the step (s, 3) [N]"""
     material_state: Floats
-    """what a material with state remembers at the start of the step, see kernels/internal_variables.py (c, 8, n)"""
+    """what a material with state remembers at the start of the step, see kernels/points.py (c, 8, n)"""
     material_dt: Floats
     """length of that step (1,) [s]"""
     halt: Ints

@@ -25,8 +25,7 @@ from softseam_services.body.filled import FULL_MOMENTS, mean_gradients, mean_tri
 from softseam_services.body.interpolate import hex27
 from softseam_services.fem.octants import Octants
 
-from .hex27 import SHARES
-from .hexahedra import SIGNS
+from .hexahedra import SHARES, SIGNS
 from .table import Table, gauss
 
 

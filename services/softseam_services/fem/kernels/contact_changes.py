@@ -14,11 +14,10 @@ import numpy as np
 
 from softseam_services.jit import njit
 
-from .anderson import add_scaled
+from .anderson import add_scaled, dot
 from .contact import coefficient
 from .contact_columns import EDGED, NORMAL, OPEN, PRESSURE, RELAXED, SLIP, SLOPE, TRACTION, TRIAL
 from .contact_tangents import LEANS, SPREADS
-from .dot import dot
 from .fronts import solve
 from .gmres import add_solution, begin_krylov, extend_krylov
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from softseam_services.jit import njit
 
-from .anderson import add_scaled
-from .dot import dot
+from .anderson import add_scaled, dot
 
 
 @njit(cache=True, error_model="numpy")

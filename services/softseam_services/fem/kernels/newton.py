@@ -13,13 +13,12 @@ import numpy as np
 from softseam_services.fem.integrators.scheme import begin
 from softseam_services.jit import njit
 
-from .anderson import accelerate
+from .anderson import accelerate, dot
 from .candidates import find_candidates
 from .contact import add_contact_forces, any_held, evaluate_contacts, firm_way, hold_what_stuck, lets_go
 from .contact_changes import solve_with_changes
 from .contact_columns import OPEN, RELAXED
 from .contact_tangents import add_contact_tangents
-from .dot import dot
 from .elements import add_cell_tangents, subtract_forces
 from .fronts import add_diagonal, add_seam_stiffness, factor, hold, seam_inverse, solve
 from .lapack import multiply

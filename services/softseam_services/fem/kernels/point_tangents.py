@@ -12,9 +12,8 @@ from softseam_services.body.materials.point import stress, tangent
 from softseam_services.jit import njit
 
 from .cells import gather
-from .internal_variables import respond
 from .mean_volume import mean_pressure, modify, modify_tangent
-from .points import group_volumes, own_arrays, point_gradients
+from .points import group_volumes, own_arrays, point_gradients, respond
 
 
 @njit(cache=True, error_model="numpy")

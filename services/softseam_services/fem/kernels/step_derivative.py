@@ -21,7 +21,7 @@ import numpy as np
 
 from softseam_services.jit import njit
 
-from .anderson import add_scaled
+from .anderson import add_scaled, dot
 from .contact_columns import EDGED, OPEN, SWEPT
 from .contact_derivative import BY_FRICTION, BY_PENALTY, differentiate_contacts
 from .contact_spread import (
@@ -39,7 +39,6 @@ from .contact_spread import (
     times,
     times_transposed,
 )
-from .dot import dot
 from .fronts import solve
 from .gmres import add_solution, begin_krylov, extend_krylov
 from .tangent_product import multiply_tangent
