@@ -13,10 +13,10 @@ from softseam_protocol.messages.participant import Advance, Advanced, BodyState,
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region
-from softseam_services.pbd.kernels.block import N_STRESS
+from softseam_services.pbd.kernels.block_rows import N_STRESS
 from softseam_services.pbd.kernels.sweep import batch_energies, block_forces, exact_stress, new_workspace, strain_energy
+from softseam_services.pbd.records import PbdState
 from softseam_services.pbd.solver import PbdSolver
-from softseam_services.pbd.state import PbdState
 from softseam_services.pbd.step import StepInputs, StepScratch, attempt
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.motion import tool_motion

@@ -53,7 +53,7 @@ def two_threads(console: Console) -> None:
             blocks.nodes,
             solver.parameters.blocks.volume,
             blocks.octant,
-            solver.parameters.softness,
+            solver.parameters.arrays.softness,
         )
         used = sum(each.nbytes for each in arrays) + 2 * runs[0].work.buffer.nbytes
         used += sum(

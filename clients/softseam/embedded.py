@@ -267,9 +267,9 @@ def describe(bundle: Bundle) -> dict[str, Described]:
 def conditions(bundle: Bundle, start: Mapping[str, Frame], end: Mapping[str, Frame]) -> dict[str, Any]:
     """Condition numbers of the bodies that XPBD moves, from their fields at the start and at the end of a run."""
     with translated(purpose="condition numbers"):
-        from softseam_services.pbd import conditions
+        from softseam_services.pbd import condition
 
-        return conditions.conditions(bundle, start, end)
+        return condition.conditions(bundle, start, end)
 
 
 def calibration(scene: Scene, bundle: Bundle, tolerance: float, kept: Mapping[str, Any] | None) -> Calibration:

@@ -17,7 +17,7 @@ from softseam_services.jit import n_bytes
 
 if TYPE_CHECKING:  # a participant of PBD does not load FEM
     from softseam_services.fem.region_tables import RegionTables
-    from softseam_services.fem.structures import Structures
+    from softseam_services.fem.structures import FemStructures
 
 _REGIONS = 4
 _BYTES = 200_000_000
@@ -31,11 +31,11 @@ class Built:
         self._kept: dict[tuple[int, bytes, bytes, bool], tuple[Body, RegionTables]] = {}
 
     @cached_property
-    def structures(self) -> Structures:
+    def structures(self) -> FemStructures:
         """Those of the regions, whatever the numbers of their bodies."""
-        from softseam_services.fem.structures import Structures
+        from softseam_services.fem.structures import no_structures
 
-        return Structures()
+        return no_structures()
 
     def find(self, body: Body, request: Configure) -> RegionTables | None:
         """The tables of the region of this body that a Configure asks for; None where they are not kept."""

@@ -27,8 +27,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.region import build_region
 from softseam_services.fem.kernels.elements import add_cell_tangents
-from softseam_services.fem.kernels.fronts import add_diagonal, solve
-from softseam_services.fem.kernels.two_threads import factor
+from softseam_services.fem.kernels.fronts import add_diagonal, factor, solve
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.structures import build_tables

@@ -22,13 +22,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from fem_run import CLOSE, FemRun, tofu
 from timing import least
 
+from softseam_services.fem.inputs import moved
 from softseam_services.fem.kernels.candidates import find_candidates
 from softseam_services.fem.kernels.contact import add_contact_forces, evaluate_contacts
 from softseam_services.fem.kernels.elements import add_cell_tangents
-from softseam_services.fem.kernels.fronts import ALL, OWN, add_diagonal, solve
+from softseam_services.fem.kernels.fronts import ALL, OWN, add_diagonal, factor, solve
 from softseam_services.fem.kernels.newton import residual
-from softseam_services.fem.kernels.two_threads import factor
-from softseam_services.fem.tool_motion import moved
 from softseam_services.fem.tree import Factoring
 
 SIZES = ((4, 1, 1), (2, 2, 2), (3, 3, 3), (4, 4, 4), (5, 5, 5), (7, 7, 7), (12, 12, 12), (15, 15, 15))

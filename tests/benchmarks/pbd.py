@@ -25,7 +25,8 @@ from softseam_protocol.scene.bodies import BodySpec
 from softseam_services.body.materials import build_material
 from softseam_services.pbd.forms import SIGNS, build_forms
 from softseam_services.pbd.hourglass import block_constants
-from softseam_services.pbd.kernels.block import N_STRESS, Constants, new_workspace
+from softseam_services.pbd.kernels.block import Constants, new_workspace
+from softseam_services.pbd.kernels.block_rows import N_STRESS
 from softseam_services.pbd.kernels.form import N_FORM
 from softseam_services.pbd.kernels.lanes import LANES, aligned
 from softseam_services.pbd.kernels.sweep import sweep

@@ -27,8 +27,7 @@ from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.materials import LAWS, Law
 from softseam_services.body.region import build_region
 from softseam_services.orchestrator.parts import resting_state
-from softseam_services.pbd.blocks import build_blocks, cell_layout
-from softseam_services.pbd.internal import to_blocks, to_octants
+from softseam_services.pbd.blocks import build_blocks, cell_layout, to_blocks, to_octants
 from softseam_services.pbd.levels import build_levels
 
 

@@ -63,7 +63,7 @@ def test_friction_varies_over_a_piece_as_over_the_body_of_a_session() -> None:
     own = batch.structure.own(1)
     piece = replace(own, size=np.array([[0.05, 0.052, 0.055]]), friction=np.array([[0.6, 0.15, 0.15]]))
     batch.put(np.array([0]), piece)
-    at, parameters = batch.structure.layout, run.solver.parameters
+    at, parameters = batch.structure.layout, run.solver.parameters.arrays
     pairs = np.frombuffer(batch.snapshot(0), np.float32)[at.pairs : at.out].reshape(-1, 3, rows.N_OF_PAIR)
     touching = run.solver.model.touches.any(axis=1)
     found, factor = pairs[:, :, rows.FRICTION], parameters.friction_factor[touching]

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from softseam.recording import Recording
 from softseam.running import Wishes, run
-from softseam_services.pbd.conditions import sentence
+from softseam_services.pbd.condition import sentence
 
 SHORT = ("motion=[]", "duration=0.05")
 BLOCK = (

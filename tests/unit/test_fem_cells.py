@@ -16,7 +16,7 @@ from softseam_services.body.materials import point
 from softseam_services.body.region import build_region
 from softseam_services.fem.elements.hex27_box import cell_tables
 from softseam_services.fem.kernels.elements import add_cell_tangents, cauchy_stress, strain_energy, subtract_forces
-from softseam_services.fem.kernels.two_threads import factor
+from softseam_services.fem.kernels.fronts import factor
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.structures import build_tables

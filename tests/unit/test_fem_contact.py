@@ -12,14 +12,9 @@ from test_fem_fronts import dense_of
 from softseam_protocol.messages.participant import ToolMotion
 from softseam_services.body.build import build_body
 from softseam_services.fem.face_forces import point_positions
+from softseam_services.fem.inputs import Tools, at_rest, moved
 from softseam_services.fem.kernels.candidates import find_candidates
 from softseam_services.fem.kernels.contact import (
-    ANCHOR,
-    HELD,
-    N_STATE,
-    OPEN,
-    SLIP,
-    STICK,
     add_contact_forces,
     any_held,
     evaluate_contacts,
@@ -27,10 +22,10 @@ from softseam_services.fem.kernels.contact import (
     lets_go,
     next_anchor,
 )
+from softseam_services.fem.kernels.contact_columns import ANCHOR, HELD, N_STATE, OPEN, SLIP, STICK
 from softseam_services.fem.kernels.contact_tangents import add_contact_tangents
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters
-from softseam_services.fem.tool_motion import Tools, at_rest, moved
 from softseam_services.fem.tree import Tree
 from softseam_services.fem.work import Work
 from softseam_services.shapes.branches import PLANE

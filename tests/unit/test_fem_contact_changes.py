@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from test_fem_contact import forces_at, squeezed_problem
 
-from softseam_services.fem.kernels.contact import SLIP, STICK
 from softseam_services.fem.kernels.contact_changes import apply_changes, find_changes, solve_with_changes
+from softseam_services.fem.kernels.contact_columns import SLIP, STICK
 from softseam_services.fem.kernels.fronts import solve
 from softseam_services.fem.kernels.newton import refactor
 

@@ -20,8 +20,8 @@ from softseam_services.body.build import build_body
 from softseam_services.body.errors import MeshError
 from softseam_services.body.lattice import LOCAL
 from softseam_services.fem.elements import ELEMENTS
-from softseam_services.fem.elements.hex8_reduced import build as reduced
-from softseam_services.fem.elements.hex27 import SHARES
+from softseam_services.fem.elements.hexahedra import SHARES
+from softseam_services.fem.elements.hexahedra import hex8_reduced as reduced
 from softseam_services.fem.kernels.elements import cauchy_stress
 from softseam_services.fem.kernels.mean_volume import positive_volume
 

@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region, shared_nodes
-from softseam_services.fem import dissection
 from softseam_services.fem.kernels.cells import add_cell_tangents
-from softseam_services.fem.kernels.fronts import add_diagonal, seam_inverse, solve
-from softseam_services.fem.kernels.two_threads import factor
+from softseam_services.fem.kernels.fronts import add_diagonal, factor, seam_inverse, solve
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.structures import build_tables
@@ -114,24 +112,3 @@ def test_an_indefinite_matrix_is_reported() -> None:
     tree = model.tree
     add_diagonal(tree, work.values, parameters.mass, -1e10)
     assert factor(tree, work.values, work.factoring) > 0
-
-
-def test_two_threads_factor_as_one_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    """To the bit, and again; the second branch is about as large as the first."""
-    monkeypatch.setattr(dissection, "PAIR_FLOPS", 0.0)
-    model, _, work, _ = _problem("wide")
-    tree = model.tree
-    middle, end = tree.second
-    assert 0 < middle < end < len(tree.meta)
-    assert 0.5 < middle / (end - middle) < 2.0
-    matrix, scratch = work.values.copy(), work.factoring
-    assert len(scratch.tile) == 2
-    alone = matrix.copy()
-    assert factor(tree, alone, scratch._replace(start=np.zeros(1, dtype=np.int64))) == 0
-    for _ in range(3):
-        scratch.rest[:] = np.nan
-        together = matrix.copy()
-        assert factor(tree, together, scratch) == 0
-        assert np.array_equal(together, alone)
-    matrix[tree.meta[middle, 4]] = -1.0
-    assert factor(tree, matrix, scratch) == 1 + middle

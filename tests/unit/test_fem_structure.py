@@ -12,13 +12,12 @@ from fem_run import CLOSE, FemRun, block
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import build_body
+from softseam_services.fem.inputs import StepInputs, at_rest, moved
 from softseam_services.fem.parameters import build_parameters
 from softseam_services.fem.region_tables import RegionTables
 from softseam_services.fem.solver import FemSolver
 from softseam_services.fem.step import Stepper
-from softseam_services.fem.step_inputs import StepInputs
-from softseam_services.fem.structures import Structures, Tables
-from softseam_services.fem.tool_motion import at_rest, moved
+from softseam_services.fem.structures import FemStructures, Tables, no_structures
 
 pytestmark = pytest.mark.kernels
 
@@ -42,7 +41,7 @@ def squeezed(
     return scene.with_body(scene.body.model_copy(update={"material": material}))
 
 
-def tables_of(run: FemRun, structures: Structures) -> RegionTables:
+def tables_of(run: FemRun, structures: FemStructures) -> RegionTables:
     return RegionTables(run.body, run.region, run.tools, run.scene, structures)
 
 
@@ -69,7 +68,7 @@ NUMBERS: list[dict[str, Any]] = [
 @pytest.mark.parametrize("numbers", NUMBERS, ids=lambda numbers: "+".join(numbers))
 def test_a_body_of_other_numbers_has_the_same_structure_and_bits(numbers: dict[str, Any], element: str) -> None:
     models = {"fem": {"element": element, "tolerance": 1e-7}}
-    structures = Structures()
+    structures = no_structures()
     first = tables_of(FemRun(squeezed(models=models)), structures).whole
     alone = FemRun(squeezed(models=models, **numbers))
     other = FemRun(squeezed(models=models, **numbers))
@@ -94,7 +93,7 @@ def differ(one: Tables, other: Tables) -> bool:
 
 def test_a_structure_found_again_equals_one_built_anew() -> None:
     """Every array of it, the order of elimination included."""
-    structures = Structures()
+    structures = no_structures()
     tables_of(FemRun(squeezed()), structures).whole  # noqa: B018  it is built when asked for
     run = FemRun(squeezed(young=1e3, size=0.3))
     found, anew = tables_of(run, structures).whole.model, run.solver.tables.whole.model
@@ -118,7 +117,7 @@ def test_a_structure_found_again_equals_one_built_anew() -> None:
     ids=["cells", "element", "law", "clamp", "edges"],
 )
 def test_another_structure_is_not_shared(change: Mapping[str, Any]) -> None:
-    structures = Structures()
+    structures = no_structures()
     first, run = tables_of(FemRun(squeezed()), structures).whole, FemRun(squeezed(**change))
     other = tables_of(run, structures).whole
     assert other.model is not first.model

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from softseam_services.fem.integrators import bdf2, generalised_alpha, midpoint, newmark
+from softseam_services.fem.integrators import bdf2, generalised_alpha, midpoint
 from softseam_services.fem.integrators.scheme import (
     BDF2,
     GENERALISED_ALPHA,
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.kernels
 
 EULER = Scheme(IMPLICIT_EULER, np.ones(1), 0)
 BACKWARD = Scheme(BDF2, np.ones(1), bdf2.N_HISTORY)
-TRAPEZOIDAL = Scheme(GENERALISED_ALPHA, newmark.parameters(), generalised_alpha.N_HISTORY)
+TRAPEZOIDAL = Scheme(GENERALISED_ALPHA, generalised_alpha.trapezoidal(), generalised_alpha.N_HISTORY)
 STEPS = (0.02, 0.03, 0.01, 0.025, 0.02, 0.04)
 SQUARE = 30.0  # w^2 [1/s^2]
 

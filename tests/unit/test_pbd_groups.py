@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from pbd_run import PbdRun, block_scene
 
 from softseam_services.pbd.kernels.contact import begin_pairs, project_contacts
-from softseam_services.pbd.kernels.copy_rows import copy_rows
-from softseam_services.pbd.kernels.lanes import aligned
+from softseam_services.pbd.kernels.lanes import aligned, copy_rows
 from softseam_services.pbd.kernels.pairs import EIGHT, find_pairs, look_ahead, place_points
 from softseam_services.pbd.kernels.tool_motion import tool_motions
 from softseam_services.pbd.records import Contacts, new_contacts, new_inputs

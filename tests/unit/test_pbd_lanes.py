@@ -11,11 +11,9 @@ from pbd_run import PbdRun, block_scene
 
 from softseam_services.body.materials import neo_hookean
 from softseam_services.pbd.kernels.lanes import LANES, LINE, aligned, transpose_four
-from softseam_services.pbd.kernels.logarithm import logarithm
-from softseam_services.pbd.kernels.neo_hookean import volumetric
+from softseam_services.pbd.kernels.neo_hookean import logarithm, volumetric
 from softseam_services.pbd.kernels.pairs import DIRECT, EIGHT, POINT, find_pairs
-from softseam_services.pbd.records import new_contacts, new_inputs
-from softseam_services.pbd.state import new_state
+from softseam_services.pbd.records import new_contacts, new_inputs, new_state
 
 pytestmark = pytest.mark.kernels
 
@@ -66,7 +64,7 @@ def test_groups_hold_each_pair_once_and_share_no_node(embedded: bool) -> None:
     plate = {"kind": "box", "size": (0.01, 0.06, 0.06), "position": (0.0305, 0.0, 0.025), "friction": 0.6}
     solver = PbdRun(block_scene(cell=0.0125, tools={"ground": GROUND, "plate": plate})).solver
     model, tools, p, t = solver.model, solver.parameters.tools, solver.model.n_points, solver.model.n_tools
-    point_x = solver.parameters.x_rest[model.node]
+    point_x = solver.parameters.arrays.x_rest[model.node]
     arrays = model.arrays
     numbers = solver.parameters.arrays._replace(point_softness=np.ones(p))
     if embedded:

@@ -15,9 +15,9 @@ from softseam_services.pbd.block_parameters import build_block_parameters
 from softseam_services.pbd.kernels import summary as k
 from softseam_services.pbd.model import Layout, PbdModel, build_model, lay_out, model_of
 from softseam_services.pbd.parameters import PbdParameters, build_parameters
-from softseam_services.pbd.state import PbdState, new_state
+from softseam_services.pbd.records import PbdState, new_state
 from softseam_services.pbd.step import StepInputs, StepScratch, step
-from softseam_services.pbd.structures import Structures
+from softseam_services.structures import Structures
 from softseam_services.tools.build import build_tools
 from softseam_services.tools.motion import tool_motion
 
@@ -168,10 +168,11 @@ def test_a_step_leaves_the_state_that_it_starts_from() -> None:
     state = case.start(model)
     before = state.buffer.copy()
     after, result = step(model, parameters, state, case.inputs(), 0.005, StepScratch(model, parameters, 0.005))
-    assert result.why == "" and result.to_plan and result.n_substeps == parameters.substeps(0.005)
+    assert result.fault.why == "" and result.to_plan and result.n_substeps == parameters.substeps(0.005)
     np.testing.assert_array_equal(state.buffer, before)
     assert after is not state and result.figures[k.KINETIC] > 0.0
-    assert result.figures[k.KINETIC] == pytest.approx(0.5 * parameters.mass @ (after.v**2).sum(axis=1), rel=1e-12)
+    kinetic = 0.5 * parameters.arrays.mass @ (after.v**2).sum(axis=1)
+    assert result.figures[k.KINETIC] == pytest.approx(kinetic, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["plain", "shape of cells", "inclusion", "coarse"])

@@ -13,6 +13,7 @@ from softseam_services.body.tet_mesh import tet_block
 from softseam_services.body.tetrahedral_surface import outer_faces
 from softseam_services.pbd.particles.batches import batches
 from softseam_services.pbd.particles.kernels import volume
+from softseam_services.pbd.particles.parameters import projection_shares
 from softseam_services.pbd.particles.volume import VOLUME
 
 EDGE = 0.05
@@ -144,7 +145,7 @@ def test_a_share_per_substep_is_kept_by_any_number_of_iterations() -> None:
     for n in (1, 7):
         shares = {"stretch": 0.4, "volume": 0.7, "per_substep": True}
         run = block((1, 1, 1), pbd={"method": "pbd", "sweeps": n, "classic": shares})
-        stretch, _, solid = run.solver.parameters.shares()
+        stretch, _, solid = projection_shares(run.solver.parameters.spec)
         assert (1.0 - stretch) ** n == pytest.approx(0.6, rel=1e-12)
         assert (1.0 - solid) ** n == pytest.approx(0.3, rel=1e-12)
 

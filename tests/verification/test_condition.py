@@ -17,8 +17,7 @@ from tet_bar import bar_run
 
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_services.body.particles import ParticleBody
-from softseam_services.pbd.block_condition import block_spectrum, block_tangents
-from softseam_services.pbd.condition import condition_of
+from softseam_services.pbd.condition import block_spectrum, block_tangents, condition_of
 from softseam_services.pbd.kernels.block import new_workspace
 from softseam_services.pbd.kernels.lanes import aligned
 from softseam_services.pbd.kernels.sweep import batch_energies
@@ -218,7 +217,8 @@ def blocks(kind: str = "neo_hookean", cell: float = 0.05, **other: Any) -> PbdRu
 
 def strained(run: PbdRun) -> NDArray[np.float64]:
     """Places of its nodes, thrown about by some 5 % of an edge."""
-    return run.solver.parameters.x_rest + 1e-3 * np.random.default_rng(5).normal(size=(run.solver.model.n_nodes, 3))
+    rest = run.solver.parameters.arrays.x_rest
+    return rest + 1e-3 * np.random.default_rng(5).normal(size=rest.shape)
 
 
 @pytest.mark.parametrize("kind", ["neo_hookean", "linear", "mooney_rivlin"])
@@ -266,7 +266,7 @@ def test_blocks_against_a_dense_matrix(kind: str) -> None:
         values, vectors = np.linalg.eigh(H[block])
         root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
         rows[block][:, (3 * of[:, None] + np.arange(3)).ravel()] = h * root @ J[block]
-    B = rows.reshape(-1, 3 * model.n_nodes) * np.sqrt(np.repeat(parameters.inverse_mass, 3))
+    B = rows.reshape(-1, 3 * model.n_nodes) * np.sqrt(np.repeat(parameters.arrays.inverse_mass, 3))
     A, scale = np.eye(len(B)) + B @ B.T, np.zeros((len(B), len(B)))
     for block in range(len(nodes)):
         of = slice(21 * block, 21 * (block + 1))
@@ -281,13 +281,13 @@ def test_blocks_against_a_dense_matrix(kind: str) -> None:
 def test_a_block_alone_is_solved_at_once_and_more_of_them_are_not() -> None:
     """A cell of one block has the number 1; it grows with blocks at substeps that do not, and falls with these."""
     alone = blocks(pbd={"coarse": {"beyond": 0.0}})
-    found = block_spectrum(alone.solver.model, alone.solver.parameters, alone.solver.parameters.x_rest, 0.005)
+    found = block_spectrum(alone.solver.model, alone.solver.parameters, alone.solver.parameters.arrays.x_rest, 0.005)
     assert found.condition == pytest.approx(1.0, abs=1e-9) and found.sweeps == 1
     numbers = []
     for cell, substeps in ((0.05, 20), (0.025, 20), (0.0125, 20), (0.0125, 80), (0.0125, 2000)):
         run = blocks(cell=cell, pbd={"substeps": substeps})
-        solver = run.solver
-        numbers.append(block_spectrum(solver.model, solver.parameters, solver.parameters.x_rest, 0.005).condition)
+        model, parameters = run.solver.model, run.solver.parameters
+        numbers.append(block_spectrum(model, parameters, parameters.arrays.x_rest, 0.005).condition)
     assert numbers[0] < numbers[1] < numbers[2] > numbers[3] > numbers[4]
     assert numbers[4] == pytest.approx(1.0, abs=0.01)
 

@@ -134,9 +134,9 @@ def test_forces_move_tool_by_tool_with_their_sum_and_torque() -> None:
     """Of random forces; where a node has no point the others take its share; where none has, the force is dropped."""
     solver = standing(ALL, wall={"kind": "plane", "point": [-0.02, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}).solver
     model, parameters = solver.model, solver.parameters
-    rows = model.indptr, model.node, parameters.weight
+    rows = model.indptr, model.node, parameters.arrays.weight
     given = np.random.default_rng(0).standard_normal((model.n_points, 2, 3))
-    rest = parameters.x_rest[model.node] * parameters.weight[:, None]
+    rest = parameters.arrays.x_rest[model.node] * parameters.arrays.weight[:, None]
     x = np.add.reduceat(rest, model.indptr[:-1], axis=0)
 
     def sums(force: Floats) -> Floats:

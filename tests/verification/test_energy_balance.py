@@ -28,8 +28,8 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 from softseam_services.pbd.kernels.block import new_workspace
 from softseam_services.pbd.kernels.sweep import block_forces
+from softseam_services.pbd.records import PbdState
 from softseam_services.pbd.solver import PbdSolver
-from softseam_services.pbd.state import PbdState
 
 Floats = NDArray[np.float64]
 
@@ -131,7 +131,7 @@ class Watched(EmbeddedTransport):
         found = {}
         for name, (x, v, reply) in before.items():
             solver, state = self._solver(name), self._state(name)
-            mass = solver._parameters.mass if isinstance(solver, FemSolver) else solver.parameters.mass
+            mass = solver._parameters.mass if isinstance(solver, FemSolver) else solver.parameters.arrays.mass
             moved, jump = state.x - x, state.v - v
             work = fem_work(solver, moved) if isinstance(solver, FemSolver) else pbd_work(solver, state, moved)
             gained = self.last[name].strain - reply.strain

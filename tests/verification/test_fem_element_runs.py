@@ -17,7 +17,7 @@ from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.materials import point
 from softseam_services.fem.elements import ELEMENTS
-from softseam_services.fem.elements.hex27 import SHARES
+from softseam_services.fem.elements.hexahedra import SHARES
 from softseam_services.fem.kernels.quadrature_blending import FOLLOWS, share_cells
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation

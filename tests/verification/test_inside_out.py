@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softseam_services.fem.inside_out import _SLOPES
+from softseam_services.fem.failures import _SLOPES
 from softseam_studies.atlas.runs import squeeze as run
 from softseam_studies.atlas.scenes import data_of
 

@@ -40,7 +40,7 @@ def modes(run: PbdRun) -> tuple[Floats, Floats]:
         x.flat[i] += h
         y.flat[i] -= h
         columns.append((energy.force(y) - energy.force(x)).ravel() / (2.0 * h))
-    root = np.sqrt(np.repeat(run.solver.parameters.inverse_mass, 3))
+    root = np.sqrt(np.repeat(run.solver.parameters.arrays.inverse_mass, 3))
     values, vectors = np.linalg.eigh(root[:, None] * 0.5 * (np.array(columns) + np.array(columns).T) * root)
     return np.sqrt(np.abs(values)), (root[:, None] * vectors).T.reshape(-1, *rest.shape)
 

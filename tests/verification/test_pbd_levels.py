@@ -97,7 +97,7 @@ def test_forces_of_any_shape_have_no_sum_and_no_torque(kind: str) -> None:
 def test_masses_are_those_of_the_cells() -> None:
     """In all, about any axis of the first order, and an eighth of a coarse cell at each of its corners."""
     run = block(CORNER)
-    mass, x = run.solver.parameters.mass, run.body.x_rest
+    mass, x = run.solver.parameters.arrays.mass, run.body.x_rest
     assert mass.sum() == pytest.approx(run.body.total_mass, rel=1e-14)
     np.testing.assert_allclose(mass @ x, run.region.mass @ x, atol=1e-15)
     assert (mass[run.solver.model.levels.hangs] == 0.0).all()
@@ -168,7 +168,11 @@ def tip(coarse: dict[str, Any] | None) -> float:
     model = run.solver.model
     free = np.repeat((~run.region.fixed & ~model.levels.hangs)[:, None], 3, axis=1)
     x = newton(
-        run, run.body.x_rest.copy(), free, run.solver.parameters.mass[:, None] * run.body.gravity, reach=CELL_REACH
+        run,
+        run.body.x_rest.copy(),
+        free,
+        run.solver.parameters.arrays.mass[:, None] * run.body.gravity,
+        reach=CELL_REACH,
     )
     end = np.argmin(np.linalg.norm(run.body.x_rest - np.array([0.1, 0.01, -0.01]), axis=1))
     return float((x - run.body.x_rest)[end, 2])

@@ -14,8 +14,8 @@ from softseam_protocol.messages.participant import Advanced, BodyState, Bundle
 from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
-from softseam_services.pbd import watch
 from softseam_services.pbd.kernels import summary as k
+from softseam_services.pbd.kernels import trust
 
 Floats = NDArray[np.float64]
 
@@ -45,8 +45,8 @@ def test_torn_shapes_recover_and_say_so(how: str, sweeps: int) -> None:
     first, *rest = run.run(3.0)
     assert first.alarms, how
     assert all(np.isfinite([reply.kinetic, reply.strain, reply.extras["residual"]]).all() for reply in rest)
-    assert not rest[-1].alarms and rest[-1].extras["residual"] < watch.LAGGING
-    assert run.committed.monitor[watch.LEAST_J] > 0.99
+    assert not rest[-1].alarms and rest[-1].extras["residual"] < trust.LAGGING
+    assert run.committed.monitor[trust.LEAST_J] > 0.99
     # A strain of 1 % in all of the body is 1.25e-4 m^3 x 20 kPa x 1e-4/2.
     assert rest[-1].strain < 1.25e-4
 
@@ -94,7 +94,7 @@ def replies_of_a_blow(residual: float) -> tuple[list[Advanced], PbdRun]:
     run = PbdRun(block_scene((0.05, 0.05, 0.05), 0.025, tools=tools, moved=("left", "right"), step=0.002, pbd=few))
     run.step()
     run.velocity[:, 0] = 3.0, -3.0
-    run.committed.monitor[watch.RESIDUAL] = residual
+    run.committed.monitor[trust.RESIDUAL] = residual
     return [run.step() for _ in range(4)], run
 
 

@@ -19,7 +19,8 @@ import pytest
 from numpy.typing import NDArray
 from pbd_run import Energy, PbdRun, block_scene, cantilever
 
-from softseam_services.pbd.kernels.block import N_STRESS, new_workspace
+from softseam_services.pbd.kernels.block import new_workspace
+from softseam_services.pbd.kernels.block_rows import N_STRESS
 from softseam_services.pbd.kernels.sweep import sweep
 from softseam_services.pbd.model import build_model
 from softseam_services.pbd.stability import KAPPA
@@ -49,7 +50,7 @@ class System:
         for b, nodes in enumerate(self.nodes):
             rows = (3 * nodes[:, None] + np.arange(3)).ravel()
             self.Q[rows, b * self.size : (b + 1) * self.size] = modes
-        weight = np.repeat(parameters.inverse_mass, 3)
+        weight = np.repeat(parameters.arrays.inverse_mass, 3)
         self.A = self.h**2 * self.Q.T @ (weight[:, None] * self.Q) + np.diag(np.tile(self.inverse, self.n_blocks))
 
     def _block_stiffness(self) -> Floats:
@@ -98,15 +99,24 @@ class System:
         parameters, blocks, numbers = self.parameters, self.model.blocks, self.parameters.blocks
         n = self.model.n_nodes
         xw = np.zeros((n + 8, 4))
-        xw[:n, :3] = parameters.x_rest + 1e-6 * np.random.default_rng(0).standard_normal((n, 3))
-        xw[:n, 3] = parameters.inverse_mass
+        xw[:n, :3] = parameters.arrays.x_rest + 1e-6 * np.random.default_rng(0).standard_normal((n, 3))
+        xw[:n, 3] = parameters.arrays.inverse_mass
         xw[n:, :3] = numbers.padding_x
         stress, ws = np.zeros((blocks.n_batches, N_STRESS)), new_workspace()
         moved = []
         for _ in range(sweeps):
             before = xw[:n, :3].copy()
             sweep(
-                *(ws, xw, blocks.nodes, numbers.volume, parameters.softness, stress, numbers.constants, numbers.law),
+                *(
+                    ws,
+                    xw,
+                    blocks.nodes,
+                    numbers.volume,
+                    parameters.arrays.softness,
+                    stress,
+                    numbers.constants,
+                    numbers.law,
+                ),
                 *(KAPPA, self.h, 0, blocks.n_batches),
             )
             moved.append(float(np.linalg.norm(xw[:n, :3] - before)))

@@ -13,7 +13,7 @@ from softseam_protocol.messages.participant import BodyState
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.models import FemSpec
-from softseam_services.fem.elements.hex27 import SHARES
+from softseam_services.fem.elements.hexahedra import SHARES
 from softseam_services.fem.integrators.table import longest_substep
 from softseam_services.fem.kernels.point_volumes import FIRST, WATCHED, strain_energy, watch_cells
 from softseam_services.orchestrator.embedded import EmbeddedTransport

@@ -114,7 +114,7 @@ def test_a_free_bar_keeps_its_spin_by_xpbd(rate: float, step: float) -> None:
     """As by FEM; the angle is that of substeps, which lose .7 % of the rate within a step at worst."""
     scene = bar((0.0, 0.0, rate), step)
     run = PbdRun(scene)
-    spin, time, expected = Spin(run.solver.parameters.mass, run.x, run.fields().v), 1.0, 0.0
+    spin, time, expected = Spin(run.solver.parameters.arrays.mass, run.x, run.fields().v), 1.0, 0.0
     for _ in range(round(time / step)):
         before = spin.inertia(run.x)
         run.step()

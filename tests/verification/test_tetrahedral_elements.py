@@ -15,7 +15,7 @@ from softseam_services.body import tetrahedron
 from softseam_services.body.body import Body
 from softseam_services.body.build import build_body
 from softseam_services.body.lattice import LOCAL
-from softseam_services.fem.elements.of_tetrahedra import OF_TETRAHEDRA
+from softseam_services.fem.elements.tetrahedra import OF_TETRAHEDRA
 
 HEADER = Header(1, "test", "near", 0, 0, 0, 0.0)
 CUBE, BEAM, SIDE = (0.05, 0.05, 0.05), (0.2, 0.05, 0.05), 0.02

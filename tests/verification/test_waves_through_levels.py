@@ -53,7 +53,7 @@ def within_pbd(nodes: int) -> float:
     run.run(PASSED)
     along, fields, model = run.body.x_rest[:, 0], run.fields(), run.solver.model
     assert model.levels.coarse.sum() == CELLS // 2
-    kinetic = 0.5 * run.solver.parameters.mass * (fields.v**2).sum(axis=1)
+    kinetic = 0.5 * run.solver.parameters.arrays.mass * (fields.v**2).sum(axis=1)
     strain, middles = fields.cell_energy, run.body.x_rest[run.body.cell_nodes[:, 13], 0]
     left = float(kinetic[along < -1e-9].sum() + strain[middles < 0.0].sum())
     right = float(kinetic[along > 1e-9].sum() + strain[middles > 0.0].sum())

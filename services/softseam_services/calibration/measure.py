@@ -119,7 +119,7 @@ class Bench:
         grid, x = node_grid(body), body.x_rest
         length = float(np.ptp(x, axis=0).max())
         rate, step = body.wave_speed / length, 1e-5 * float(body.edges.min())
-        free = solver.parameters.inverse_mass > 0.0
+        free = solver.parameters.arrays.inverse_mass > 0.0
         self._mass = self._region.mass
         cells = stiffness(cell_force(self.body), x, grid, CELL_REACH, step)
         blocks = stiffness(block_force(solver), x, grid, BLOCK_REACH, step)

@@ -13,7 +13,8 @@ from softseam_services.body.region import build_region
 from softseam_services.fem.kernels.elements import subtract_forces
 from softseam_services.fem.structures import build_tables
 from softseam_services.fem.work import build_work
-from softseam_services.pbd.kernels.block import N_STRESS, new_workspace
+from softseam_services.pbd.kernels.block import new_workspace
+from softseam_services.pbd.kernels.block_rows import N_STRESS
 from softseam_services.pbd.kernels.sweep import block_forces, exact_stress
 from softseam_services.pbd.solver import PbdSolver
 

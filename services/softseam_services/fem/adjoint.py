@@ -17,22 +17,22 @@ import numpy as np
 from softseam_protocol.messages.participant import BodyState, ToolMotion
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Body, Floats, Region
-from softseam_services.fem.face_forces import taken_over
-from softseam_services.fem.inputs import Inputs, NewtonSettings, build_result
-from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, Scheme
-from softseam_services.fem.kernels import step as kernel
-from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, SLIP, TRACTION, TRIAL
-from softseam_services.fem.kernels.elements import cauchy_stress
-from softseam_services.fem.kernels.fronts import solve
-from softseam_services.fem.kernels.newton import CONVERGED
-from softseam_services.fem.model import FemModel
-from softseam_services.fem.parameters import FemParameters
-from softseam_services.fem.state import FemState
-from softseam_services.fem.structures import build_tables
-from softseam_services.fem.tool_motion import at_rest, moved
-from softseam_services.fem.work import Work, build_work
 from softseam_services.tools.edged import with_round_edges
 from softseam_services.tools.tool_set import ToolSet
+
+from .face_forces import taken_over
+from .inputs import Inputs, NewtonSettings, at_rest, build_result, moved
+from .integrators.scheme import IMPLICIT_EULER, Scheme
+from .kernels import step as kernel
+from .kernels.contact_columns import NORMAL, OPEN, PRESSURE, SLIP, TRACTION, TRIAL
+from .kernels.elements import cauchy_stress
+from .kernels.fronts import solve
+from .kernels.newton import CONVERGED
+from .model import FemModel
+from .parameters import FemParameters
+from .state import FemState
+from .structures import build_tables
+from .work import Work, build_work
 
 _CROSSINGS = 1e3
 """times that waves cross the body in the step whose inertia counts"""

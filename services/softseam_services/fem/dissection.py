@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from softseam_services.fem.kernels.panel import NARROW, STRIP
-from softseam_services.fem.tree import Ints, Longs, Tree, cell_places
+from .kernels.panel import NARROW, STRIP
+from .tree import Ints, Longs, Tree, cell_places
 
 LEAF_NODES = 12
-PAIR_FLOPS = 3e9
-"""of a factor, beyond which a second thread may pay: about 9000 unknowns in a cube"""
 
 
 def dissect(
@@ -144,8 +142,8 @@ class _Dissection:
         flat = np.concatenate(rows).astype(np.int32) if rows else np.zeros(0, dtype=np.int32)
         # rows ascend within each front: one sorted list of (front, position) finds all places at once
         key = np.repeat(np.arange(n_fronts), n_all) * max(n_free, 1) + flat
-        second = _second_branch(meta)
-        n_rest = _leftovers(meta, second)
+        _link_children(meta)
+        n_rest = _leftovers(meta)
         runs = _runs(meta, boundary, key, n_free)
         own_front = np.repeat(np.arange(n_fronts, dtype=np.int32), own)
         cells = cell_places(self.cell_nodes, position, own_front, meta, key)
@@ -164,41 +162,28 @@ class _Dissection:
             n_rest=n_rest,
             widest=int(n_all.max(initial=0)),
             strip=int((3 * n_all * np.maximum(narrow, STRIP)).max(initial=0)),
-            second=second,
         )
 
 
-def _second_branch(meta: Longs) -> Longs:
-    """Link children to parents in `meta`; returns `Tree.second`."""
+def _link_children(meta: Longs) -> None:
+    """Link children to parents in `meta`."""
     for front in range(len(meta) - 1, -1, -1):
         parent = meta[front, 3]
         if parent >= 0:
             meta[front, 8], meta[parent, 7] = meta[parent, 7], front
-    own, n_all = 3.0 * meta[:, 1], 3.0 * meta[:, 2]
-    if len(meta) == 0 or (own * n_all**2).sum() < PAIR_FLOPS:
-        return np.zeros(2, dtype=np.int64)
-    top = len(meta) - 1
-    while meta[top, 7] >= 0:
-        first = int(meta[top, 7])
-        if meta[first, 8] >= 0:
-            return np.array([first + 1, top], dtype=np.int64)
-        top = first
-    return np.zeros(2, dtype=np.int64)
 
 
-def _leftovers(meta: Longs, second: Longs) -> int:
+def _leftovers(meta: Longs) -> int:
     """Give what fronts leave over its place; returns the room that takes.
 
-    Fronts of even and of odd depth have a stack each: when a front pushes, its children are on top of the other. The
-    second branch has a pair of its own.
+    Fronts of even and of odd depth have a stack each: when a front pushes, its children are on top of the other.
     """
     n_fronts = len(meta)
     stack = np.zeros(n_fronts, dtype=np.int64)
     for front in range(n_fronts - 1, -1, -1):
         if meta[front, 3] >= 0:
             stack[front] = 1 - stack[meta[front, 3]]
-    stack[second[0] : second[1]] += 2
-    top, most = [0, 0, 0, 0], [0, 0, 0, 0]
+    top, most = [0, 0], [0, 0]
     for front in range(n_fronts):
         for child in reversed(_children(meta, front)):
             top[stack[child]] = int(meta[child, 6])
@@ -206,7 +191,7 @@ def _leftovers(meta: Longs, second: Longs) -> int:
         meta[front, 6] = top[mine]
         top[mine] += int(9 * (meta[front, 2] - meta[front, 1]) ** 2)
         most[mine] = max(most[mine], top[mine])
-    meta[:, 6] += np.array([sum(most[:i]) for i in range(4)], dtype=np.int64)[stack]
+    meta[:, 6] += most[0] * stack
     return sum(most)
 
 

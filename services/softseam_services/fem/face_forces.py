@@ -3,9 +3,10 @@
 import numpy as np
 
 from softseam_services.body.body import Floats, Ints
-from softseam_services.fem.kernels.contact import ANCHOR, FORCE, N_STATE
-from softseam_services.fem.model import FemModel
-from softseam_services.fem.parameters import FemParameters
+
+from .kernels.contact_columns import ANCHOR, FORCE, N_STATE
+from .model import FemModel
+from .parameters import FemParameters
 
 
 def point_positions(model: FemModel, parameters: FemParameters, x: Floats) -> Floats:

@@ -5,12 +5,13 @@ import numpy as np
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Fields
 from softseam_services.body.body import Body, Floats, Region
-from softseam_services.fem.face_forces import surface_point_of_node
-from softseam_services.fem.kernels.fields import read_fields
-from softseam_services.fem.region_tables import RegionTables
-from softseam_services.fem.state import FemState
-from softseam_services.fem.work import Work
 from softseam_services.pbd.model_error import ModelError
+
+from .face_forces import surface_point_of_node
+from .kernels.fields import read_fields
+from .region_tables import RegionTables
+from .state import FemState
+from .work import Work
 
 _NOTHING = np.zeros(0)
 

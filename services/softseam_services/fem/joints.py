@@ -3,7 +3,7 @@
 A sliver cell holds its nodes with next to nothing. Those that no other cell has are tied to the root cell's quadratic
 functions N_a, extended beyond it, by an energy that vanishes on all that these functions have, linear fields among it:
 
-  U = sum_n k/2 |x_n - sum_a N_a(xi_n) x_a|^2,   k = TIE mu h                                                     (1)
+  U = sum_n k/2 |x_n - sum_a N_a(xi_n) x_a|^2,   k = mu h                                                     (1)
 
 xi_n the node's place in the root cell's coordinates, h the least edge of a cell. A tie is stiff, and no constraint: the
 space of functions stays whole, and forces do not rise, as they do where such nodes follow (docs/decisions/17). Octants
@@ -18,12 +18,10 @@ from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.filled import filled_moments, gradient_integrals
 from softseam_services.body.interpolate import hex27
 from softseam_services.body.slivers import true_fill
-from softseam_services.fem.octants import Octants
-from softseam_services.fem.tree import Longs, Tree, cell_places
 from softseam_services.jit import record
 
-TIE = 1.0
-"""stiffness of a tie over mu h [1]"""
+from .octants import Octants
+from .tree import Longs, Tree, cell_places
 
 
 @record
@@ -148,7 +146,7 @@ def build_numbers(
         for tie in range(joints.tie[joint], joints.tie[joint + 1]):
             away = body.along_axes(x[nodes[joints.tied[tie]]] - centre)
             hex27(away / (0.5 * body.edges), follow[tie], slope)
-            stiffness[tie] = TIE * firm * float(body.edges.min())
+            stiffness[tie] = firm * float(body.edges.min())
     total = octants.total.reshape(-1)[joints.octant]
     number = body.octant_material[region.cells].reshape(-1)[joints.octant]
     parameters = np.array([each.parameters for each in body.materials])[number]

@@ -24,9 +24,10 @@ from softseam_services.body.interpolate import hex27
 from softseam_services.body.kernels.cell_loads import stress_at_points
 from softseam_services.body.kernels.patch_error import patch_error
 from softseam_services.body.point_materials import point_moduli, point_parameters
-from softseam_services.fem.elements.hexahedra import SIGNS, linear, quadratic
-from softseam_services.fem.elements.table import Reference, gauss, place
-from softseam_services.fem.rule import cell_shapes
+
+from .elements.hexahedra import SIGNS, linear, quadratic
+from .elements.table import Reference, gauss, place
+from .rule import cell_shapes
 
 _FULL: frozenset[ElementKind] = frozenset({"hex27_full", "hex8_full"})
 """elements that feel their whole stress at all points"""

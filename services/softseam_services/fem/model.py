@@ -4,7 +4,6 @@ Numbers, such as moduli, masses and lengths, are apart (`parameters`): bodies th
 structure, and with it the symbolic factor.
 """
 
-import hashlib
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,17 +15,19 @@ from softseam_services.body.body import Body, Ints, Region
 from softseam_services.body.contact_points import is_embedded
 from softseam_services.body.interpolate import point_weights
 from softseam_services.body.slivers import root_octants
-from softseam_services.fem.dissection import dissect
-from softseam_services.fem.elements.hex27 import SHARES
-from softseam_services.fem.elements.hex27_box import number_patterns
-from softseam_services.fem.joints import Joints, build_joints, root_cells
-from softseam_services.fem.kernels.contact import ALONE, AT_NODE, SPREAD
-from softseam_services.fem.octants import cut_cells
-from softseam_services.fem.rule import cell_shapes
-from softseam_services.fem.tree import Tree
 from softseam_services.jit import record
+from softseam_services.structures import key_of
 from softseam_services.tools.face_points import face_points, touched_faces
 from softseam_services.tools.tool_set import ToolSet
+
+from .dissection import dissect
+from .elements.hex27_box import number_patterns
+from .elements.hexahedra import SHARES
+from .joints import Joints, build_joints, root_cells
+from .kernels.contact_columns import ALONE, AT_NODE, SPREAD
+from .octants import cut_cells
+from .rule import cell_shapes
+from .tree import Tree
 
 NO_ROLLERS = np.zeros((0, 2), dtype=np.int32)
 
@@ -52,7 +53,7 @@ class FemModel(NamedTuple):
     kind: int
     """of the materials, for body.materials.point"""
     n_state: int
-    """numbers that the material remembers, see kernels/internal_variables.py; 0 of an elastic one"""
+    """numbers that the material remembers, see kernels/points.py; 0 of an elastic one"""
     respond: int
     """address of its response, where it remembers any; `kind` is 0 then"""
     linear: bool
@@ -146,13 +147,9 @@ class Connectivity:
         """of `FemModel`, but for the order of elimination"""
 
     @property
-    def name(self) -> bytes:
+    def key(self) -> bytes:
         """Equal for equal structures only."""
-        digest = hashlib.sha256()
-        for key, value in (*self.fields.items(), ("fixed", self.fixed)):
-            array = np.ascontiguousarray(value)
-            digest.update(f"{key} {array.dtype} {array.shape} ".encode() + array.tobytes())
-        return digest.digest()
+        return key_of(*self.fields.values(), self.fixed)
 
     def ordered(self) -> FemModel:
         """The structure, its unknowns ordered by nested dissection."""

@@ -13,23 +13,24 @@ from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.body.contact_points import PENALTY
+from softseam_services.body.errors import SettingError
 from softseam_services.body.filled import FILL_FLOOR, filled_moments
 from softseam_services.body.interpolate import Functions, point_weights
-from softseam_services.fem.elements import ELEMENTS
-from softseam_services.fem.elements.cut import with_cut_cells
-from softseam_services.fem.elements.hex27 import SHARES
-from softseam_services.fem.elements.hex27_box import NO_PATTERNS, cell_tables, own_patterns, patterns
-from softseam_services.fem.elements.of_tetrahedra import OF_TETRAHEDRA
-from softseam_services.fem.elements.table import Table
-from softseam_services.fem.internal_variables import check_internal_variables
-from softseam_services.fem.joints import JointNumbers, build_numbers
-from softseam_services.fem.model import FemModel
-from softseam_services.fem.octants import Octants, count_octants
-from softseam_services.fem.rule import Rule, build_rule, cell_shapes
 from softseam_services.jit import record
 from softseam_services.tools.face_points import face_points, point_edges
 from softseam_services.tools.kernels import DENSE
 from softseam_services.tools.tool_set import ToolSet
+
+from .elements import ELEMENTS
+from .elements.cut import with_cut_cells
+from .elements.hex27_box import NO_PATTERNS, cell_tables, own_patterns, patterns
+from .elements.hexahedra import SHARES
+from .elements.table import Table
+from .elements.tetrahedra import OF_TETRAHEDRA
+from .joints import JointNumbers, build_numbers
+from .model import FemModel
+from .octants import Octants, count_octants
+from .rule import Rule, build_rule, cell_shapes
 
 # In steps too short for that, r at nodes is this many times the inertia of the layer rho h/3 that a node stands for:
 # multipliers lag, and gain energy where r dt^2 is less than the mass they move (kernels/contact.py).
@@ -215,3 +216,15 @@ def _contact(model: FemModel, body: Body, region: Region, functions: Functions) 
         "swiftness": FIRM / factor * density * spacing**2 / (3.0 * young),
         "face_edge": inner.edge,
     }
+
+
+INTEGRATORS = ("implicit_euler", "static")
+"""take internal forces at the end of the step, where the state that follows belongs"""
+
+
+def check_internal_variables(body: Body, spec: FemSpec) -> None:
+    """Raise SettingError, with its key and the remedy, for a body whose material has state."""
+    kind = body.material.kind
+    if spec.integrator not in INTEGRATORS:
+        use = " or ".join(INTEGRATORS)
+        raise SettingError(f"models.fem.integrator: {spec.integrator} does not know the state of {kind}: use {use}")

@@ -9,18 +9,19 @@ from functools import cached_property
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body, Region
 from softseam_services.body.errors import SettingError
-from softseam_services.fem.mesh_error import MeshError
-from softseam_services.fem.structures import Structures, Tables, build_tables
-from softseam_services.fem.symmetry import PointImages, Reduction, reduce
 from softseam_services.tools.symmetry import symmetry_axes
 from softseam_services.tools.tool_set import ToolSet
+
+from .mesh_error import MeshError
+from .structures import FemStructures, Tables, build_tables
+from .symmetry import PointImages, Reduction, reduce
 
 
 class RegionTables:
     """Of one region; no step writes to any, so that solvers of one region may share them."""
 
     def __init__(
-        self, body: Body, region: Region, tools: ToolSet, scene: Scene, structures: Structures | None = None
+        self, body: Body, region: Region, tools: ToolSet, scene: Scene, structures: FemStructures | None = None
     ) -> None:
         """structures: those that are known, which gain this region's."""
         self._structures = structures

@@ -10,20 +10,22 @@ from softseam_protocol.scene.models import ModelsSpec
 from softseam_services.body.body import Body, Region
 from softseam_services.body.region import build_region
 from softseam_services.built import Built
-from softseam_services.fem import cost
 from softseam_services.solver_row import SolverRow
 from softseam_services.tools.tool_set import ToolSet
 
+from . import cost
+
 if TYPE_CHECKING:  # which builds by this row
-    from softseam_services.fem.adjoint import FemAdjoint
-    from softseam_services.fem.mesh_error import MeshError
     from softseam_services.server import Setup
+
+    from .adjoint import FemAdjoint
+    from .mesh_error import MeshError
 
 
 def build(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Configured]:
     """A part of cells, with the tables of its region where these are kept."""
-    from softseam_services.fem.region_tables import RegionTables
-    from softseam_services.fem.solver import FemSolver
+    from .region_tables import RegionTables
+    from .solver import FemSolver
 
     body = cast(Body, setup.body)  # it takes no particles: who asks has refused them
     region = build_region(body, request.cells, request.coupling_nodes, request.owns_coupling_points)
@@ -37,14 +39,14 @@ def build(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Confi
 
 def adjoint(body: Body, whole: Region, tools: ToolSet, models: ModelsSpec) -> FemAdjoint:
     """Of the whole body, undivided."""
-    from softseam_services.fem.adjoint import FemAdjoint
+    from .adjoint import FemAdjoint
 
     return FemAdjoint(body, whole, tools, models.fem)
 
 
 def mesh_indicator(body: Body, region: Region, models: ModelsSpec) -> MeshError:
     """Of the scene's element."""
-    from softseam_services.fem.mesh_error import MeshError
+    from .mesh_error import MeshError
 
     return MeshError(body, region, models.fem.element)
 

@@ -4,14 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.body import SAME, Body, Floats, Ints, Region
 from softseam_services.body.lattice import LOCAL
 from softseam_services.body.point_materials import point_moduli, point_parameters
-from softseam_services.fem.elements.table import Table
 from softseam_services.jit import record
 
-# Cells whose nodes are off their box by more than this share of an edge are general hexahedra.
-_BOX = 1e-9
+from .elements.table import Table
 
 
 @record
@@ -50,7 +48,7 @@ def cell_shapes(body: Body, region: Region) -> tuple[Floats, Ints, bool]:
     x = body.x_rest[region.nodes][region.cell_nodes]
     box = body.from_axes(0.5 * body.edges * (LOCAL - 1))
     x = x - x[:, 13:14]
-    if np.abs(x - box).max() <= _BOX * float(body.edges.min()):
+    if np.abs(x - box).max() <= SAME * float(body.edges.min()):
         return box[None], np.zeros(len(x), dtype=np.int32), True
     return x, np.arange(len(x), dtype=np.int32), False
 

@@ -13,30 +13,28 @@ from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.internal import internal_of
 from softseam_services.body.kernels.bounds import bound_points
 from softseam_services.body.turning import sums_of
-from softseam_services.fem.face_forces import taken_over
-from softseam_services.fem.failures import STATUS
-from softseam_services.fem.field_reader import FieldReader
-from softseam_services.fem.joints import follow_roots
-from softseam_services.fem.kernels import step as kernel
-from softseam_services.fem.kernels.contact import N_STATE
-from softseam_services.fem.kernels.elements import strain_energy
-from softseam_services.fem.kernels.newton import CONVERGED
-from softseam_services.fem.model import FemModel
-from softseam_services.fem.region_tables import RegionTables
-from softseam_services.fem.snapshot import pack, unpack
-from softseam_services.fem.state import FemState
-from softseam_services.fem.step import Stepper
-from softseam_services.fem.step_derivative import Augmentation
-from softseam_services.fem.step_inputs import AT_ONCE, StepInputs, StepResult
-from softseam_services.fem.structures import Tables
-from softseam_services.fem.tape import FemTape
-from softseam_services.fem.tool_motion import at_rest, moved
-from softseam_services.fem.work import Work, build_work
 from softseam_services.request_check import problem_of, problem_of_correction, problem_of_target
 from softseam_services.tools.edged import with_round_edges
 from softseam_services.tools.tool_set import ToolSet
 from softseam_services.tools.travel import parts_needed
 from softseam_services.totals import Totals
+
+from .face_forces import taken_over
+from .failures import STATUS
+from .field_reader import FieldReader
+from .inputs import AT_ONCE, StepInputs, StepResult, at_rest, moved
+from .joints import follow_roots
+from .kernels import step as kernel
+from .kernels.contact_columns import N_STATE
+from .kernels.elements import strain_energy
+from .kernels.newton import CONVERGED
+from .model import FemModel
+from .region_tables import RegionTables
+from .state import FemState, pack, unpack
+from .step import Stepper
+from .step_derivative import Augmentation, FemTape
+from .structures import Tables
+from .work import Work, build_work
 
 _NONE, _FREE, _NO_SUMS = np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0)
 """no matrix of the seam, no vectors and no numbers"""
@@ -192,10 +190,7 @@ class FemSolver:
 
     def _failed(self, request: Advance, status: Status, why: str, began: float) -> Advanced:
         now, end = self._committed, self._next
-        end.x[:], end.v[:], end.contact[:] = now.x, now.v, now.contact
-        end.history[:], end.past, end.level = now.history, now.past, now.level
-        end.material[:], end.share[:], end.passed[:] = now.material, now.share, now.passed
-        end.dissipated[:] = now.dissipated
+        now.into(end)
         self._tentative = False
         self._stepper.fail(now)
         self._stand(now)

@@ -12,25 +12,23 @@ from softseam_protocol.messages.participant import Correct
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.turning import Turning, with_change
-from softseam_services.fem import substeps
-from softseam_services.fem.failures import why
-from softseam_services.fem.inputs import NO_PUSH, Inputs, NewtonSettings, build_result
-from softseam_services.fem.inside_out import alarm
-from softseam_services.fem.integrators.scheme import IMPLICIT_EULER, STATIC, SYMPLECTIC_EULER
-from softseam_services.fem.integrators.static import raised
-from softseam_services.fem.integrators.table import build_scheme, forces_at, velocity_gain, works_at
-from softseam_services.fem.kernels import step as kernel
-from softseam_services.fem.kernels.contact import force_moment
-from softseam_services.fem.kernels.fronts import seam_root
-from softseam_services.fem.kernels.newton import CONVERGED, FACTORED, N_FACTORS, STALLED
-from softseam_services.fem.kernels.points import remember
-from softseam_services.fem.model import FemModel
-from softseam_services.fem.parameters import FemParameters
-from softseam_services.fem.state import FemState
-from softseam_services.fem.step_inputs import AT_ONCE, NO_TURN, StepInputs, StepResult
-from softseam_services.fem.tool_motion import Tools, part_of
-from softseam_services.fem.turning import begins, free_to_turn
-from softseam_services.fem.work import build_work
+
+from . import substeps
+from .failures import alarm, why
+from .inputs import AT_ONCE, NO_PUSH, Inputs, NewtonSettings, StepInputs, StepResult, Tools, build_result, part_of
+from .integrators.scheme import IMPLICIT_EULER, STATIC, SYMPLECTIC_EULER
+from .integrators.static import raised
+from .integrators.table import build_scheme, forces_at, velocity_gain, works_at
+from .kernels import step as kernel
+from .kernels.contact import force_moment
+from .kernels.fronts import seam_root
+from .kernels.newton import CONVERGED, FACTORED, N_FACTORS, STALLED
+from .kernels.points import remember
+from .model import FemModel
+from .parameters import FemParameters
+from .state import FemState
+from .turning import begins, free_to_turn
+from .work import build_work
 
 _CAREFUL_ITERATIONS = 200
 # A careful step that takes longer is sooner done in parts.
@@ -48,7 +46,7 @@ class Stepper:
         self._spec, self._n_tools = spec, n_tools
         self._parts: substeps.Substeps | None = None
         self._told = -1.0  # factor whose yield of the seam was last reported
-        self._turn, self.given = NO_TURN, 0.0
+        self._turn, self.given = np.zeros(0), 0.0
         """to a rotation in the last step, beyond the work of contact along the chords of ways [J]"""
         self._moment = np.zeros((3, 3))
         self.knows_impedance = False

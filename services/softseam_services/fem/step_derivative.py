@@ -1,35 +1,31 @@
 """Derivatives of steps that were taken: of each, what its end says of its start and of its inputs, and the reverse."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats
 from softseam_services.differentiable import Near, NotSmooth
-from softseam_services.fem.contact_slopes import build_slopes
-from softseam_services.fem.differential import Differential, no_differential
-from softseam_services.fem.inputs import NO_PUSH, Inputs, NewtonSettings, build_result
-from softseam_services.fem.integrators.scheme import Scheme
-from softseam_services.fem.kernels.contact import NORMAL, OPEN, PRESSURE, TRACTION
-from softseam_services.fem.kernels.newton import CONVERGED, N_CANDIDATES
-from softseam_services.fem.kernels.step import N_OUT, RETRACE, advance
-from softseam_services.fem.kernels.step_derivative import (
-    begin_back,
-    begin_forward,
-    differentiate,
-    finish_back,
-    finish_forward,
-    solve_whole,
-)
-from softseam_services.fem.state import FemState
-from softseam_services.fem.structures import Tables
-from softseam_services.fem.tool_motion import at_rest
-from softseam_services.fem.turning import free_to_turn
-from softseam_services.fem.turning_derivative import TurningDerivative
-from softseam_services.fem.work import build_work
 from softseam_services.tools.tool_set import ToolSet
+
+from .differential import Differential, build_slopes, no_differential
+from .inputs import NO_PUSH, Inputs, NewtonSettings, at_rest, build_result
+from .integrators.scheme import Scheme
+from .kernels.contact_columns import NORMAL, OPEN, PRESSURE, TRACTION
+from .kernels.newton import CONVERGED, N_CANDIDATES
+from .kernels.step import N_OUT, RETRACE, advance
+from .kernels.step_derivative import begin_back, begin_forward, differentiate, finish_back, finish_forward, solve_whole
+from .state import FemState
+from .structures import Tables
+from .turning import TurningDerivative, free_to_turn
+from .work import build_work
+
+if TYPE_CHECKING:  # which makes tapes
+    from .solver import FemSolver
 
 FORCES = 3
 """columns of a contact state that are forces"""
@@ -221,3 +217,42 @@ class StepDerivative:
             if attempt == 0:
                 self._linearise(self._at, True)
         raise NotSmooth(f"step {self._step}: its linear equations were not solved; shorten `step`")
+
+
+class FemTape:
+    """s steps of one body with n nodes between t tools."""
+
+    def __init__(self, solver: FemSolver, scheme: Scheme, tools: ToolSet, dt: float) -> None:
+        self._solver, self._scheme, self._tools, self._dt = solver, scheme, tools, dt
+        self._places, self._orientation = [tools.position.copy()], tools.orientation.copy()
+        self.states: list[FemState] = [solver.state.copy()]
+        """before the first step and after each (s + 1)"""
+        self.augmented: list[Sequence[Augmentation]] = []
+        """of each step"""
+
+    def keep(self, tool_position: Floats) -> None:
+        """A step was taken, and left the tools at (t, 3) [m]."""
+        self.states.append(self._solver.state.copy())
+        self.augmented.append(self._solver.augmented)
+        self._places.append(tool_position.copy())
+
+    @property
+    def positions(self) -> Floats:
+        """Of all nodes, before the first step and after each (s + 1, n, 3) [m]."""
+        return np.stack([state.x for state in self.states])
+
+    @property
+    def tool_position(self) -> Floats:
+        """Likewise (s + 1, t, 3) [m]."""
+        return np.stack(self._places)
+
+    def passage(self, step: int) -> Passage:
+        """One of its steps, from 0."""
+        now, end = self.states[step : step + 2]
+        begin, stop = self._places[step : step + 2]
+        return Passage(now, end, self.augmented[step], begin, stop, self._orientation)
+
+    def derivatives(self, tolerance: float) -> StepDerivative:
+        """Of its steps; tolerance: of their linear equations, relative."""
+        tables = self._solver.tables.whole
+        return StepDerivative(self._scheme, tables, self._tools, self._dt, tolerance, self.passage)

@@ -8,12 +8,13 @@ from typing import NamedTuple
 
 from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import Body, Ints, Region
-from softseam_services.fem.model import NO_ROLLERS, Connectivity, FemModel
-from softseam_services.fem.parameters import FemParameters, build_parameters
 from softseam_services.jit import n_bytes
+from softseam_services.structures import Structures
 from softseam_services.tools.tool_set import ToolSet
 
-_KEPT = 8
+from .model import NO_ROLLERS, Connectivity, FemModel
+from .parameters import FemParameters, build_parameters
+
 _BYTES = 200_000_000
 """of all structures together"""
 
@@ -26,19 +27,12 @@ class Tables(NamedTuple):
     parameters: FemParameters
 
 
-class Structures:
-    """Kept by what names them, the latest in use last."""
+FemStructures = Structures[Connectivity, FemModel]
 
-    def __init__(self) -> None:
-        self._kept: dict[bytes, FemModel] = {}
 
-    def find(self, connectivity: Connectivity) -> FemModel:
-        """The structure of this connectivity, built where it is not kept."""
-        name, kept = connectivity.name, self._kept
-        kept[name] = model = kept.pop(name, None) or connectivity.ordered()
-        while len(kept) > 1 and (len(kept) > _KEPT or sum(map(n_bytes, kept.values())) > _BYTES):
-            kept.pop(next(iter(kept)))
-        return model
+def no_structures() -> FemStructures:
+    """None known yet."""
+    return Structures(Connectivity.ordered, n_bytes, _BYTES)
 
 
 def build_tables(
@@ -47,7 +41,7 @@ def build_tables(
     tools: ToolSet | None = None,
     spec: FemSpec | None = None,
     rollers: Ints = NO_ROLLERS,
-    structures: Structures | None = None,
+    structures: FemStructures | None = None,
 ) -> Tables:
     """Of a region of a body; spec: which element, the default's where it is None; rollers: as of the model;
     structures: those that are known, which gain this one."""

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softseam_services.fem.integrators.scheme import Scheme
-from softseam_services.fem.integrators.table import halves_share, order
-from softseam_services.fem.kernels.newton import CONVERGED
-from softseam_services.fem.state import FemState
+from .integrators.scheme import Scheme
+from .integrators.table import halves_share, order
+from .kernels.newton import CONVERGED
+from .state import FemState
 
 DEEPEST = 10
 """pieces are no shorter than 2^-DEEPEST of the step"""

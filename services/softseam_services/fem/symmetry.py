@@ -15,15 +15,16 @@ from softseam_protocol.scene.models import FemSpec
 from softseam_services.body.body import SAME, Body, Floats, Ints, Region
 from softseam_services.body.region import build_region, node_of_point
 from softseam_services.body.symmetry import SymmetryPlane, asymmetric, match, mirrored, symmetry_plane
-from softseam_services.fem.face_forces import point_positions
-from softseam_services.fem.kernels.contact import FORCE
-from softseam_services.fem.kernels.symmetry import add_images, unfold_contact, unfold_nodes
-from softseam_services.fem.state import FemState
-from softseam_services.fem.structures import Structures, Tables, build_tables
-from softseam_services.fem.tool_motion import Tools
 from softseam_services.tools.kernels.symmetry import tool_astray
 from softseam_services.tools.symmetry import images_of_tools
 from softseam_services.tools.tool_set import ToolSet
+
+from .face_forces import point_positions
+from .inputs import Tools
+from .kernels.contact_columns import FORCE
+from .kernels.symmetry import add_images, unfold_contact, unfold_nodes
+from .state import FemState
+from .structures import FemStructures, Tables, build_tables
 
 _NO_NODES = np.zeros(0, dtype=np.int32)
 
@@ -142,7 +143,7 @@ class PointImages:
 
 
 def reduce(
-    body: Body, tools: ToolSet, spec: FemSpec, axes: tuple[int, ...], structures: Structures | None = None
+    body: Body, tools: ToolSet, spec: FemSpec, axes: tuple[int, ...], structures: FemStructures | None = None
 ) -> Reduction:
     """What FEM solves for of a body that is symmetric across these axes; structures: those that are known.
 

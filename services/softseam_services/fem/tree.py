@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.fem.kernels.panel import STRIP
-from softseam_services.fem.kernels.two_threads import start_address
 from softseam_services.jit import record
+
+from .kernels.panel import STRIP
 
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
@@ -55,14 +55,11 @@ class Tree(NamedTuple):
     """most nodes of a front"""
     strip: int
     """most scratch for a panel"""
-    second: Longs
-    """fronts of the branch that a second thread may take, those before being another branch; none where that does not
-    pay (2,)"""
 
 
 @record
 class Factoring(NamedTuple):
-    """Scratch of factor and solve; tile, strip and ints have a row for each thread."""
+    """Scratch of factor and solve."""
 
     rest: Floats
     """what fronts leave over to their parents"""
@@ -71,20 +68,16 @@ class Factoring(NamedTuple):
     t: Floats
     """rows of a front"""
     ints: Ints
-    start: Longs
-    """where a second thread begins, 0 without one (1,)"""
 
 
 def scratch(tree: Tree) -> Factoring:
     """Arrays of the right sizes."""
-    threads = 2 if tree.second[1] > tree.second[0] else 1
     return Factoring(
         rest=np.empty(tree.n_rest),
-        strip=np.empty((threads, tree.strip)),
-        tile=np.empty((threads, 2 * STRIP * STRIP)),
+        strip=np.empty(tree.strip),
+        tile=np.empty(2 * STRIP * STRIP),
         t=np.zeros(3 * tree.widest),
-        ints=np.zeros((threads, 8), dtype=np.int32),
-        start=np.array([start_address() if threads == 2 else 0], dtype=np.int64),
+        ints=np.zeros(8, dtype=np.int32),
     )
 
 

@@ -6,15 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_services.body.body import Floats, Ints
-from softseam_services.fem.kernels.cells import LANES
-from softseam_services.fem.kernels.contact import N_COLUMNS
-from softseam_services.fem.kernels.contact_tangents import BATCH, N
-from softseam_services.fem.kernels.newton import N_MEMO
-from softseam_services.fem.model import FemModel
-from softseam_services.fem.parameters import FemParameters
-from softseam_services.fem.tree import Factoring, scratch
 from softseam_services.halt import own_halt
 from softseam_services.jit import record
+
+from .kernels.cells import LANES
+from .kernels.contact_columns import N_COLUMNS
+from .kernels.contact_tangents import BATCH, N
+from .kernels.newton import N_MEMO
+from .model import FemModel
+from .parameters import FemParameters
+from .tree import Factoring, scratch
 
 MOST_AUGMENTATIONS = 4
 """times that a step is solved again where points are in deep"""
@@ -137,7 +138,7 @@ class Work(NamedTuple):
     seam_actual: Floats
     """force on the seam nodes at the end of the step (s, 3) [N]"""
     material_state: Floats
-    """what a material with state remembers at the start of the step, see kernels/internal_variables.py (c, 8, n)"""
+    """what a material with state remembers at the start of the step, see kernels/points.py (c, 8, n)"""
     material_dt: Floats
     """length of that step (1,) [s]"""
     halt: Ints

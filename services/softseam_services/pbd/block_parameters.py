@@ -12,7 +12,8 @@ from softseam_services.body.materials.point import NEO_HOOKEAN
 from .blocks import Blocks
 from .forms import SIGNS, build_forms
 from .hourglass import block_constants
-from .kernels.block import MU, Constants, G
+from .kernels.block import Constants
+from .kernels.block_rows import MU, G
 from .kernels.form import N_FORM
 from .kernels.lanes import LANES
 from .kernels.memory import LENGTH, LOST, MEMORY, SMALL

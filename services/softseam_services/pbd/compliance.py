@@ -13,14 +13,13 @@ from softseam_protocol.facts import cores
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import record
 
+from .kernels.begin import find_patches
 from .kernels.block import new_workspace
-from .kernels.patch import find_patches
 from .kernels.probe import probe_seam
 from .kernels.thread_team import new_team
 from .model import PbdModel
 from .parameters import PbdParameters, block_softness
-from .records import Scratch, new_inputs, new_scratch
-from .state import PbdState, new_state
+from .records import PbdState, Scratch, new_inputs, new_scratch, new_state
 from .two_threads import share_out
 
 Ways = NDArray[np.float64]
@@ -102,14 +101,15 @@ class SeamProbe:
         outside = ~model.levels.hangs
         outside[ids] = False
         left_out, edge = np.flatnonzero(outside), np.flatnonzero(held & ~outside)
-        clamped = bool((parameters.inverse_mass[np.concatenate([left_out, edge])] == 0.0).any())
+        of_all = parameters.arrays
+        clamped = bool((of_all.inverse_mass[np.concatenate([left_out, edge])] == 0.0).any())
         self.ids = ids.astype(np.int32)
         """nodes that are probed (k,)"""
         self.beyond = left_out[: 0 if clamped else len(left_out)].astype(np.int32)
         """free nodes that are not, and go along with the nodes at which they begin"""
-        mass = parameters.mass[edge]
-        lighter = 0.0 if clamped else mass.sum() / (mass.sum() + parameters.mass[left_out].sum()) if len(edge) else 1.0
-        inverse_mass = np.where(held, lighter * parameters.inverse_mass, parameters.inverse_mass)[ids]
+        mass = of_all.mass[edge]
+        lighter = 0.0 if clamped else mass.sum() / (mass.sum() + of_all.mass[left_out].sum()) if len(edge) else 1.0
+        inverse_mass = np.where(held, lighter * of_all.inverse_mass, of_all.inverse_mass)[ids]
         self.dt = dt
         """the step that the probe was built for [s]"""
         self.n_blocks = len(blocks.ids)
@@ -132,20 +132,20 @@ class SeamProbe:
             touches=model.touches[self._used],
             visits=np.argsort(np.argsort(model.visits)[self._used]).astype(np.int32),
         )
-        own = parameters.inverse_mass[ids]
-        self._numbers = parameters.arrays._replace(
-            mass=parameters.mass[ids],
+        own = of_all.inverse_mass[ids]
+        self._numbers = of_all._replace(
+            mass=of_all.mass[ids],
             inverse_mass=own,
-            x_rest=parameters.x_rest[ids],
+            x_rest=of_all.x_rest[ids],
             volume=numbers.volume,
             softness=block_softness(nodes, own),
             constants=numbers.constants,
-            weight=parameters.weight[kept],
-            tilt=parameters.tilt[kept],
-            point_softness=parameters.point_softness[self._used],
-            point_give=parameters.point_give[self._used],
-            point_lag=parameters.point_lag[self._used],
-            friction_factor=parameters.friction_factor[self._used],
+            weight=of_all.weight[kept],
+            tilt=of_all.tilt[kept],
+            point_softness=of_all.point_softness[self._used],
+            point_give=of_all.point_give[self._used],
+            point_lag=of_all.point_lag[self._used],
+            friction_factor=of_all.friction_factor[self._used],
             tolerance=0.0,
         )
         n, p, t, b = len(ids), len(self._used), model.n_tools, blocks.n_batches

@@ -6,16 +6,15 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.participant import Fields
 from softseam_services.body.body import Body, Floats, Region
 
-from .internal import to_octants
-from .kernels.energy import cell_energies
+from .blocks import to_octants
+from .kernels.laws import cell_energies, octant_stress
 from .kernels.pairs import place_points
-from .kernels.stress import octant_stress
 from .levels import fill_in
 from .model import PbdModel
 from .model_error import ModelError
 from .parameters import PbdParameters
 from .points import gather
-from .state import PbdState
+from .records import PbdState
 
 
 class FieldReader:
@@ -41,10 +40,10 @@ class FieldReader:
         )
         point_x = np.zeros((model.n_surface, 3))
         place_points(model.arrays, parameters.arrays, self._xw, point_x)
-        force = gather(state.force_mean, (model.indptr, model.node, parameters.weight), model.n_surface)
+        force = gather(state.force_mean, (model.indptr, model.node, parameters.arrays.weight), model.n_surface)
         size = np.einsum("ptc,ptc->pt", force, force)
         v = state.v.copy()
-        fill_in(model.levels, region, parameters.mass, state.x, v)
+        fill_in(model.levels, region, parameters.arrays.mass, state.x, v)
         cauchy[model.levels.coarse] = cauchy[model.levels.coarse, :1]
         tool = np.full(model.n_surface, -1, dtype=np.int32)
         if model.n_tools and model.n_surface:

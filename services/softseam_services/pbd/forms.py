@@ -13,7 +13,7 @@ from softseam_services.body.body import Floats, Material
 from softseam_services.body.materials.point import LINEAR
 
 from .hourglass import bending_factors
-from .kernels.block import BOUND, LAM, MU, G
+from .kernels.block_rows import BOUND, LAM, MU, G
 from .kernels.form import CURVE, FORM_PARAMETERS, FRAME, N_FORM, OFFSET, PLANE, SLOPE, TWIST_OF_FORM
 
 SIGNS = np.array([(i, j, k) for k in (-1.0, 1.0) for j in (-1.0, 1.0) for i in (-1.0, 1.0)])

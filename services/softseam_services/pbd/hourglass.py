@@ -6,9 +6,10 @@ import numpy as np
 
 from softseam_services.body.body import Floats, Material
 
-from .kernels.block import BOUND, LAM, MU, N_CONSTANTS, PAIR, PARAMETERS, SHEAR, TWIST, B, G
+from .kernels.block_rows import BOUND, LAM, MU, N_CONSTANTS, PAIR, PARAMETERS, SHEAR, TWIST, B, G
 
-FITTED = (0.85, 0.0)
+FITTED = 0.85
+"""d of the fitted stiffness, whose o is 0"""
 
 
 Share = TypeVar("Share", float, Floats)
@@ -18,7 +19,7 @@ def bending_factors(poisson: Share, hourglass: str) -> tuple[Share, Share]:
     """d and o of `box_constants`."""
     if hourglass == "physical":
         return 1.0 / (1.0 - poisson**2), poisson / (1.0 - poisson**2)
-    return FITTED[0] + 0.0 * poisson, FITTED[1] + 0.0 * poisson
+    return FITTED + 0.0 * poisson, 0.0 * poisson
 
 
 def block_constants(material: Material, edges: Floats, hourglass: str) -> Floats:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from softseam_protocol.scene.models import CoarseSpec
-from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.body.body import SAME, Body, Floats, Ints, Region
 from softseam_services.body.lattice import LOCAL, OCTANT_NODES
 from softseam_services.tools.kernels import cell_distances
 from softseam_services.tools.tool_set import ToolSet
@@ -38,8 +38,6 @@ CORNERS = np.flatnonzero((LOCAL != 1).all(axis=1)).astype(np.int32)
 """local ids of a cell's corners, x fastest (8,)"""
 TRILINEAR = np.prod(1.0 - 0.5 * np.abs(LOCAL[:, None, :] - LOCAL[CORNERS][None]), axis=2)
 """what each corner gives to each of a cell's nodes (27, 8)"""
-_STRAIGHT = 1e-9
-"""a cell's nodes that are further from where its corners would have them are curved [cell edges]"""
 
 
 def coarse_cells(body: Body, wanted: CoarseSpec | None, tools: ToolSet) -> Mask:
@@ -71,7 +69,7 @@ def _may_be_coarse(body: Body) -> Mask:
     all_held = ((1.0 - held[:, CORNERS]) @ TRILINEAR.T) == 0.0
     alike = (body.octant_material == body.octant_material[:, :1]).all(axis=1)
     full = (body.fill >= 1.0 - 1e-9).all(axis=1)
-    return np.asarray(full & alike & (held == all_held).all(axis=1) & (bent <= _STRAIGHT * body.resolution))
+    return np.asarray(full & alike & (held == all_held).all(axis=1) & (bent <= SAME * body.resolution))
 
 
 @dataclass(frozen=True)

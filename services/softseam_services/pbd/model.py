@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from softseam_protocol.scene.models import PbdSpec
 from softseam_services.body.body import Body, Floats, Ints, Region
+from softseam_services.structures import Structures, key_of
 from softseam_services.tools.tool_set import ToolSet
 
 from .blocks import Blocks, CellLayout, build_blocks, cell_layout
 from .levels import Levels, build_levels, coarse_cells
 from .points import find_points
 from .records import ModelArrays
-from .structures import Structures, key_of
 
 
 class Layout(NamedTuple):

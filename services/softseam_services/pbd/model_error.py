@@ -27,7 +27,8 @@ from softseam_services.body.point_materials import point_parameters
 
 from .block_parameters import BlockParameters, build_block_parameters
 from .blocks import Blocks, build_blocks, cell_layout
-from .kernels.block import N_STRESS, new_workspace
+from .kernels.block import new_workspace
+from .kernels.block_rows import N_STRESS
 from .kernels.correction import correct
 from .kernels.sweep import block_forces, exact_stress
 

@@ -37,30 +37,10 @@ class PbdParameters:
     """with the damping that the material's viscosity asks for"""
     tools: ToolSet
     blocks: BlockParameters
-    gravity: Floats
-    """(3,) [m/s^2]"""
-    x_rest: Floats
-    """(n, 3) [m]"""
+    arrays: ParameterArrays
+    """for the kernels"""
     own_mass: Floats
     """of nodes, each its own (n,) [kg]"""
-    mass: Floats
-    """of nodes, those that hang have given theirs away (n,) [kg]"""
-    inverse_mass: Floats
-    """0 for clamped nodes and nodes without mass (n,) [1/kg]"""
-    softness: Floats
-    """8 times the largest inverse mass of each block's nodes (b, 4) [1/kg]"""
-    weight: Floats
-    """of the nodes that points follow, see `point_weights` (entries,)"""
-    tilt: Floats
-    """how each weight changes on a point's patch, see `FacePoints.tilt` (entries, 2)"""
-    point_softness: Floats
-    """sum of w_i N_i^2 of each point (p,) [1/kg]"""
-    point_give: Floats
-    """as of `Points.give` (p,) [m/N]"""
-    point_lag: Floats
-    """as of `Points.lag` (p, t) [m]"""
-    friction_factor: Floats
-    """of each point, on the friction of every tool (p,) [1]"""
     wave_speed: float
     """the fastest P wave's [m/s]"""
     least_mu: float
@@ -74,11 +54,6 @@ class PbdParameters:
     def explicit(self) -> bool:
         """Whether the region is stepped by leapfrog."""
         return self.spec.method == "leapfrog"
-
-    @property
-    def viscous_times(self) -> float:
-        """The time of damping in proportion to stiffness, in longest substeps without it [1]."""
-        return self.rate * self.spec.damping.stiffness
 
     def substeps(self, dt: float) -> int:
         """`stable_substeps`, or the scene's number; SettingError where that is unstable for certain."""
@@ -109,39 +84,6 @@ class PbdParameters:
         """Energy that is roundoff [J]."""
         return 1e-8 * self.least_mu * float(self.blocks.volume.sum())
 
-    @cached_property
-    def arrays(self) -> ParameterArrays:
-        """The same for kernels."""
-        blocks, tools, damping = self.blocks, self.tools, self.spec.damping
-        return ParameterArrays(
-            mass=self.mass,
-            inverse_mass=self.inverse_mass,
-            x_rest=self.x_rest,
-            gravity=self.gravity,
-            volume=blocks.volume,
-            softness=self.softness,
-            constants=blocks.constants,
-            law=blocks.law,
-            kappa=KAPPA,
-            weight=self.weight,
-            tilt=self.tilt,
-            point_softness=self.point_softness,
-            point_give=self.point_give,
-            point_lag=self.point_lag,
-            friction_factor=self.friction_factor,
-            kind=tools.kind,
-            shape=tools.shape,
-            reach=tools.reach,
-            places=tools.places,
-            friction=tools.friction,
-            followed=tools.followed,
-            margin=MARGIN * float(blocks.edges.min()),
-            mass_rate=damping.mass,
-            stiffness_time=damping.stiffness,
-            lag=SHOWN * LEAST_KAPPA * mean_lag(blocks, self.softness),
-            tolerance=self.spec.residual or 0.0,
-        )
-
 
 def with_damping_of(body: Body, spec: PbdSpec) -> PbdSpec:
     """With what the body says of both models' damping: its drag, and its material's retardation time."""
@@ -170,16 +112,18 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         *(blocks.volume, blocks.constants, blocks.law, blocks.padding_x),
     )
     rate = frequency / _limit(model, body, region, spec)
-    return PbdParameters(
-        spec=spec,
-        tools=felt,
-        blocks=make_viscous(blocks, rate * spec.damping.stiffness),
-        gravity=body.gravity,
-        x_rest=x_rest,
-        own_mass=region.mass,
+    viscous = make_viscous(blocks, rate * spec.damping.stiffness)
+    softness = block_softness(model.blocks.nodes, inverse_mass)
+    arrays = ParameterArrays(
         mass=mass,
         inverse_mass=inverse_mass,
-        softness=block_softness(model.blocks.nodes, inverse_mass),
+        x_rest=x_rest,
+        gravity=body.gravity,
+        volume=blocks.volume,
+        softness=softness,
+        constants=viscous.constants,
+        law=blocks.law,
+        kappa=KAPPA,
         weight=weight,
         tilt=np.stack(tilt, axis=1),
         point_softness=np.add.reduceat(weight**2 * inverse_mass[model.node], model.indptr[:-1])
@@ -188,6 +132,24 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         point_give=points.give,
         point_lag=points.lag,
         friction_factor=body.friction_field.at_points(x_rest, model.indptr, model.node, weight),
+        kind=felt.kind,
+        shape=felt.shape,
+        reach=felt.reach,
+        places=felt.places,
+        friction=felt.friction,
+        followed=felt.followed,
+        margin=MARGIN * float(blocks.edges.min()),
+        mass_rate=spec.damping.mass,
+        stiffness_time=spec.damping.stiffness,
+        lag=SHOWN * LEAST_KAPPA * mean_lag(viscous, softness),
+        tolerance=spec.residual or 0.0,
+    )
+    return PbdParameters(
+        spec=spec,
+        tools=felt,
+        blocks=viscous,
+        arrays=arrays,
+        own_mass=region.mass,
         wave_speed=body.wave_speed,
         least_mu=min(material.mu for material in body.materials),
         frequency=frequency,

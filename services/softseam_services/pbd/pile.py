@@ -7,17 +7,25 @@ between the bodies is to come: in `kernels.pile`, beside the contacts with tools
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.outcomes import Detail
-from softseam_protocol.messages.participant import Advance, Advanced, BodyState, Capabilities, Correct, Fields
-from softseam_protocol.messages.pile import Begun
+from softseam_protocol.messages.outcomes import Detail, Figure, Status
+from softseam_protocol.messages.participant import (
+    Advance,
+    Advanced,
+    BodyState,
+    Capabilities,
+    Correct,
+    Coupled,
+    Fields,
+)
+from softseam_protocol.messages.pile import Begun, Members, Note
 from softseam_protocol.participant.state import join_states, split_states
 from softseam_services.body.body import Floats
 from softseam_services.body.kernels.bounds import bound_points
@@ -26,14 +34,12 @@ from softseam_services.request_check import problem_of
 from . import watch
 from .kernels import pile as of_pile
 from .kernels import summary as k
+from .kernels import trust
 from .kernels.block import new_workspace
 from .kernels.thread_team import new_team
 from .pile_pieces import Piece, Pieces
-from .pile_reply import Said, Stepped, reply_of
-from .records import new_inputs
-from .start import start_state
-from .state import PbdState, decode_state, encode_state
-from .step import NO_FORCES, StepInputs, place_tools, share_out, stay, step
+from .records import PbdState, decode_state, encode_state, new_inputs
+from .step import NO_FORCES, StepInputs, place_tools, share_out, start_state, stay, step
 
 if TYPE_CHECKING:  # which builds by the row that names this file
     from softseam_services.server import Setup
@@ -73,7 +79,7 @@ class PileSolver:
 
     def _see_unshared(self) -> None:
         """Which bodies have contact forces of a state that was handed over, see `step.share_out`."""
-        self._unshared = set(np.flatnonzero(self._monitors[:, watch.UNSHARED] != 0.0).tolist())
+        self._unshared = set(np.flatnonzero(self._monitors[:, trust.UNSHARED] != 0.0).tolist())
 
     def _committed(self, piece: Piece) -> PbdState:
         return piece.states[self._now]
@@ -81,7 +87,7 @@ class PileSolver:
     @property
     def begun(self) -> Begun:
         """Energies of the bodies as they are committed."""
-        rows = np.ascontiguousarray(self._monitors[:, [watch.KINETIC, watch.STRAIN, watch.GRAVITY]].T)
+        rows = np.ascontiguousarray(self._monitors[:, [trust.KINETIC, trust.STRAIN, trust.GRAVITY]].T)
         return Begun(*rows)
 
     @property
@@ -162,14 +168,14 @@ class PileSolver:
         notes, found = self._notes, {}
         monitors = self._monitors
         odd = (notes[:, of_pile.ATTEMPT] > 0) | (notes[:, of_pile.FAULT] > 0) | (notes[:, of_pile.HALVED] > 0)
-        odd |= (notes[:, of_pile.UNFINISHED] > 0) | (self._all.results[:, k.RESIDUAL] > watch.LAGGING)
-        odd |= monitors[:, watch.LEAST_J] < watch.CRUSHED
-        odd |= (monitors[:, watch.STRETCH] > watch.STRETCHED) | (monitors[:, watch.RESIDUAL] > watch.LAGGING)
+        odd |= (notes[:, of_pile.UNFINISHED] > 0) | (self._all.results[:, k.RESIDUAL] > trust.LAGGING)
+        odd |= monitors[:, trust.LEAST_J] < trust.CRUSHED
+        odd |= (monitors[:, trust.STRETCH] > trust.STRETCHED) | (monitors[:, trust.RESIDUAL] > trust.LAGGING)
         for number in awake[odd[awake]].tolist():
             piece, note = self.pieces[number], notes[number].tolist()
             fault, before = watch.FAULTS[note[of_pile.FAULT]], self._committed(piece)
             cause = note[of_pile.CAUSE]
-            why = watch.GROWS if cause == of_pile.LAGGED else watch.FAULTS[cause].value.split(":")[0]
+            why = watch.GROWS if cause == of_pile.LAGGED else watch.FAULTS[cause].text.split(":")[0]
             counts = note[of_pile.ATTEMPT], note[of_pile.SUBSTEPS], note[of_pile.SWEEPS], note[of_pile.UNFINISHED]
             said = watch.alarm(why, self._all.results[number], before.monitor, *counts)
             if note[of_pile.HALVED]:
@@ -186,7 +192,7 @@ class PileSolver:
         return np.asarray(self._all.buffers[self._now][self._all.monitors])
 
     def _bound(self, piece: Piece) -> None:
-        points = piece.model.indptr, piece.model.node, piece.parameters.weight
+        points = piece.model.indptr, piece.model.node, piece.parameters.arrays.weight
         bounds = piece.scratch.outputs.result[k.BOUNDS : k.BOUNDS + 6]
         bound_points(piece.model.n_surface, *points, piece.states[1 - self._now].x, bounds)
 
@@ -235,3 +241,84 @@ class PileSolver:
         self._tentative = False
         self._same[:] = False
         self._see_unshared()
+
+
+Said = tuple[watch.Fault, dict[Detail, str]]
+"""what is wrong with a body's step, and what its monitor says"""
+
+
+class Stepped(NamedTuple):
+    """What became of all b bodies of a pile in a step between t tools."""
+
+    results: Floats
+    """(b, N_RESULTS)"""
+    wrenches: Floats
+    """(b, t, 6) [N, N m]"""
+    sweeps: NDArray[np.int64]
+    """(b,)"""
+    substeps: NDArray[np.int64]
+    dissipated: Floats
+    """(b,) [J]"""
+
+
+def reply_of(
+    header: Header, awake: NDArray[np.int64], stepped: Stepped, said: Mapping[int, Said], seconds: float
+) -> Advanced:
+    """Of the bodies that took the step; said: of those of which there is something to say, by their numbers."""
+    rows = np.ascontiguousarray(stepped.results[awake].T)
+    wrench, dissipated = stepped.wrenches[awake], stepped.dissipated[awake]
+    places = {number: place for place, number in enumerate(awake.tolist())} if said else {}
+    notes = [
+        Note(places[number], fault.status, fault.why, dict(text))
+        for number, (fault, text) in sorted(said.items())
+        if text or fault is not watch.Fault.NONE
+    ]
+    members = Members(
+        rows[k.KINETIC],
+        rows[k.STRAIN],
+        rows[k.GRAVITY],
+        rows[k.TOOL_WORK],
+        dissipated,
+        np.ascontiguousarray(rows[k.MOMENTUM : k.MOMENTUM + 3].T),
+        np.ascontiguousarray(rows[k.ANGULAR : k.ANGULAR + 3].T),
+        rows[k.PENETRATION],
+        rows[k.SLIP],
+        rows[k.RESIDUAL],
+        rows[k.N_CONTACTS].astype(np.int32),
+        stepped.sweeps[awake].astype(np.int32),
+        stepped.substeps[awake].astype(np.int32),
+        wrench,
+        np.ascontiguousarray(rows[k.BOUNDS : k.BOUNDS + 3].T),
+        np.ascontiguousarray(rows[k.BOUNDS + 3 : k.BOUNDS + 6].T),
+        notes,
+    )
+    bounds = np.zeros((2, 3))
+    if len(awake):
+        bounds = np.stack((members.low.min(axis=0), members.high.max(axis=0)))
+    wrong = [note for note in notes if note.status is not Status.CONVERGED]
+    return Advanced(
+        header,
+        wrong[0].status if wrong else Status.CONVERGED,
+        wrench.sum(axis=0),
+        float(rows[k.KINETIC].sum()),
+        float(rows[k.STRAIN].sum()),
+        float(rows[k.GRAVITY].sum()),
+        float(rows[k.TOOL_WORK].sum()),
+        members.momentum.sum(axis=0),
+        members.angular_momentum.sum(axis=0),
+        bounds,
+        seconds,
+        np.zeros(0),
+        Coupled(),
+        extras={
+            Figure.CONTACTS: float(members.n_contacts.sum()),
+            Figure.PENETRATION: float(members.penetration.max(initial=0.0)),
+            Figure.SLIP: float(members.slip.max(initial=0.0)),
+            Figure.ITERATIONS: float(members.iterations.max(initial=0)),
+            Figure.SUBSTEPS: float(members.n_substeps.max(initial=1)),
+            Figure.RESIDUAL: float(members.residual.max(initial=0.0)),
+            Figure.DISSIPATED: float(dissipated.sum()),
+        },
+        why=wrong[0].why if wrong else "",
+        members=members,
+    )

@@ -19,8 +19,7 @@ from .kernels.summary import N_RESULTS
 from .kernels.trust import N_MONITOR
 from .model import STRUCTURES, PbdModel, lay_out
 from .parameters import PbdParameters, build_parameters
-from .records import Member
-from .state import PbdState, new_state, size_of
+from .records import Member, PbdState, new_state, size_of
 from .step import StepScratch
 
 if TYPE_CHECKING:  # which builds by the row that names this file

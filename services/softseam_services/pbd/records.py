@@ -8,14 +8,97 @@ from numpy.typing import NDArray
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import record
 
-from .kernels.block import N_STRESS, Constants
+from .kernels.block import Constants
+from .kernels.block_rows import N_STRESS
 from .kernels.damping import N_FRAME
 from .kernels.hanging import Hanging
 from .kernels.lanes import LANES, aligned
 from .kernels.monitor import N_FIGURES
 from .kernels.pairs import N_ROWS, WIDTH
 from .kernels.summary import N_RESULTS
-from .state import PbdState
+from .kernels.trust import N_MONITOR
+
+
+@record
+class PbdState(NamedTuple):
+    """n nodes, b batches, p points, t tools, r numbers that a block remembers; all are views of `buffer`, updated
+    in place by the step."""
+
+    buffer: Floats
+    x: Floats
+    """positions (n, 3) [m]"""
+    v: Floats
+    """velocities (n, 3) [m/s]"""
+    a: Floats
+    """accelerations from blocks and contacts (n, 3) [m/s^2]"""
+    stress: Floats
+    """Lambda of each block: P (3, 3) [N m] then T (4, 3) [N], each entry for 4 lanes (b, 84)"""
+    force: Floats
+    """contact force of each tool on each point (p, t, 3) [N]"""
+    slip: Floats
+    """slip of each touching point on each tool since it began to touch (p, t, 3) [m]"""
+    steady: Floats
+    """of each tool on each point: pressure with a memory, by which friction is bounded, and how far friction went
+    beyond the pressure so far, see kernels/contact.py (p, t, 2) [N]"""
+    lean: Floats
+    """where on its patch each tool presses each point inside a face, in the patch's edges from its middle; 0 at others
+    (p, t, 2) [1]"""
+    force_mean: Floats
+    """contact forces, mean over the substeps of the last step (p, t, 3) [N]"""
+    memory: Floats
+    """what the material of each block remembers, for 4 lanes (b, r, 4)"""
+    monitor: Floats
+    """what the last step left for the monitor, see `watch` (N_MONITOR,)"""
+
+
+def _shapes(n: int, b: int, p: int, t: int, r: int) -> tuple[tuple[int, ...], ...]:
+    of_points = (p, t, 3), (p, t, 3), (p, t, 2), (p, t, 2), (p, t, 3)
+    return ((n, 3), (n, 3), (n, 3), (b, N_STRESS), *of_points, (b, r, LANES), (N_MONITOR,))
+
+
+def size_of(n: int, b: int, p: int, t: int, r: int = 0) -> int:
+    """Numbers of such a state."""
+    return sum(int(np.prod(shape)) for shape in _shapes(n, b, p, t, r))
+
+
+def new_state(n: int, b: int, p: int, t: int, r: int = 0, buffer: Floats | None = None) -> PbdState:
+    """A state for n nodes, b batches, p points and t tools, of blocks that remember r numbers: zero, or in a buffer of
+    `size_of` numbers."""
+    shapes = _shapes(n, b, p, t, r)
+    sizes = [int(np.prod(shape)) for shape in shapes]
+    buffer = np.zeros(sum(sizes)) if buffer is None else buffer
+    ends = np.cumsum(sizes)
+    views = [buffer[end - size : end].reshape(shape) for end, size, shape in zip(ends, sizes, shapes, strict=True)]
+    return PbdState(buffer, *views)
+
+
+MAGIC = b"softseam pbd 6\n"
+
+
+def encode_state(state: PbdState, probed: Floats) -> bytes:
+    """Magic line, counts of float64 in the state and in `probed` as 8 bytes little-endian each, the values likewise."""
+    counts = len(state.buffer).to_bytes(8, "little") + len(probed).to_bytes(8, "little")
+    return MAGIC + counts + np.concatenate([state.buffer, probed]).astype("<f8", copy=False).tobytes()
+
+
+def decode_state(data: bytes, state: PbdState, most_probed: int) -> Floats:
+    """Overwrite `state` by a snapshot; returns `probed`, of none or so many numbers.
+
+    Raises ValueError where it is no snapshot of this region.
+    """
+    head = len(MAGIC) + 16
+    if data[: len(MAGIC)] != MAGIC or len(data) < head:
+        raise ValueError("this is not a snapshot of a PBD participant: restore the bytes that `snapshot` returned")
+    count = int.from_bytes(data[len(MAGIC) : head - 8], "little")
+    probed = int.from_bytes(data[head - 8 : head], "little")
+    if count != len(state.buffer) or probed not in (0, most_probed) or len(data) != head + 8 * (count + probed):
+        raise ValueError(
+            f"the snapshot holds {count} numbers in {len(data)} bytes, this region needs {len(state.buffer)}: "
+            "configure the region that the snapshot was taken from"
+        )
+    values = np.frombuffer(data, dtype="<f8", offset=head)
+    state.buffer[:] = values[:count]
+    return values[count:].astype(np.float64)
 
 
 @record
@@ -37,30 +120,36 @@ class ModelArrays(NamedTuple):
 
 @record
 class ParameterArrays(NamedTuple):
-    """Numbers, as of `PbdParameters`: t tools."""
+    """Numbers of a region: n nodes, b batches, p points, t tools."""
 
     mass: Floats
+    """of nodes, those that hang have given theirs away (n,) [kg]"""
     inverse_mass: Floats
+    """0 for clamped nodes and nodes without mass (n,) [1/kg]"""
     x_rest: Floats
+    """(n, 3) [m]"""
     gravity: Floats
+    """(3,) [m/s^2]"""
     # blocks
     volume: Floats
     softness: Floats
-    """where no tool holds a node (b, LANES)"""
+    """8 times the largest inverse mass of each block's nodes, where no tool holds one (b, LANES) [1/kg]"""
     constants: Constants
     law: int
     kappa: float
     # points
     weight: Floats
+    """of the nodes that points follow, see `point_weights` (entries,)"""
     tilt: Floats
-    """(entries, 2)"""
+    """how each weight changes on a point's patch, see `FacePoints.tilt` (entries, 2)"""
     point_softness: Floats
+    """sum of w_i N_i^2 of each point (p,) [1/kg]"""
     point_give: Floats
-    """(p,)"""
+    """as of `Points.give` (p,) [m/N]"""
     point_lag: Floats
-    """(p, t)"""
+    """as of `Points.lag` (p, t) [m]"""
     friction_factor: Floats
-    """(p,)"""
+    """of each point, on the friction of every tool (p,) [1]"""
     # tools
     kind: NDArray[np.int64]
     shape: Floats

@@ -18,12 +18,12 @@ from . import watch
 from .compliance import SeamProbe, Ways, no_ways
 from .field_reader import FieldReader
 from .kernels import summary as k
+from .kernels import trust
 from .kernels.linear_correction import correct_linearly
 from .model import PbdModel, build_model
 from .parameters import build_parameters
-from .start import start_state
-from .state import decode_state, encode_state, new_state
-from .step import NO_FORCES, NO_TURN, StepInputs, StepResult, StepScratch, leap_ahead, stay, step
+from .records import decode_state, encode_state, new_state
+from .step import NO_FORCES, NO_TURN, StepInputs, StepResult, StepScratch, leap_ahead, start_state, stay, step
 
 
 class PbdSolver:
@@ -67,12 +67,12 @@ class PbdSolver:
     @property
     def strain(self) -> float:
         """Strain energy of the last committed step [J]."""
-        return float(self._committed.monitor[watch.STRAIN])
+        return float(self._committed.monitor[trust.STRAIN])
 
     @property
     def moving(self) -> tuple[float, float]:
         """Kinetic energy, and that in gravity, of the last committed step [J]."""
-        return float(self._committed.monitor[watch.KINETIC]), float(self._committed.monitor[watch.GRAVITY])
+        return float(self._committed.monitor[trust.KINETIC]), float(self._committed.monitor[trust.GRAVITY])
 
     @property
     def positions(self) -> Floats:
@@ -83,7 +83,7 @@ class PbdSolver:
         start = time.perf_counter()
         refused = problem_of(request, self.model.n_tools, len(self._region.seam))
         if not refused and len(request.coupling_target):
-            refused = watch.Fault.ANCHOR.value
+            refused = watch.Fault.ANCHOR.text
         if refused:
             self._taken = stay(self.parameters, self._committed, self._scratch)
         else:
@@ -95,14 +95,14 @@ class PbdSolver:
             compliance = self._compliance(request)
         ramp = len(request.coupling_force_start) > 0
         seam_v = self._scratch.next.v.take(self._region.seam, axis=0) if ramp else NO_FORCES
-        return self._reply(request.header, refused or self._taken.why, compliance, seam_v, start)
+        return self._reply(request.header, refused or self._taken.fault.why, compliance, seam_v, start)
 
     def _reply(self, header: Header, why: str, compliance: Floats, seam_v: Floats, start: float) -> Advanced:
         """What became of the last request."""
         work, taken = self._scratch.next, self._taken
         result, numbers = taken.figures.copy(), taken.figures.tolist()
         if self._body.cut:
-            points = self.model.indptr, self.model.node, self.parameters.weight
+            points = self.model.indptr, self.model.node, self.parameters.arrays.weight
             bound_points(self.model.n_surface, *points, work.x, result[k.BOUNDS : k.BOUNDS + 6])
         return Advanced(
             header,
@@ -123,7 +123,7 @@ class PbdSolver:
                 work=numbers[k.SEAM_WORK],
                 compliance=compliance,
                 correctable=self._correctable(),
-                sums=sums_of(self.parameters.mass, work.x, work.v) if len(self._region.seam) else NO_TURN,
+                sums=sums_of(self.parameters.arrays.mass, work.x, work.v) if len(self._region.seam) else NO_TURN,
             ),
             extras={
                 Figure.CONTACTS: numbers[k.N_CONTACTS],
@@ -195,7 +195,7 @@ class PbdSolver:
         watch.settle(work.monitor, result)
         moved = work.x.take(seam, axis=0) - self._committed.x.take(seam, axis=0)
         result[k.SEAM_WORK] = float(np.vdot(request.force, moved))
-        return self._reply(request.header, self._taken.why, np.zeros((0, 0)), NO_FORCES, began)
+        return self._reply(request.header, self._taken.fault.why, np.zeros((0, 0)), NO_FORCES, began)
 
     @property
     def capabilities(self) -> Capabilities:

@@ -5,24 +5,39 @@ from typing import NamedTuple
 import numpy as np
 
 from softseam_protocol.messages.outcomes import Detail
-from softseam_protocol.messages.participant import ToolMotion
-from softseam_services.body.body import Floats
+from softseam_protocol.messages.participant import BodyState, ToolMotion
+from softseam_services.body.body import Body, Floats, Region
+from softseam_services.body.internal import internal_of
 from softseam_services.body.turning import Turning, with_change
 from softseam_services.totals import Totals
 
 from . import watch
+from .blocks import to_blocks
 from .kernels import summary as k
-from .kernels.begin import find_slow, give_shape
+from .kernels import trust
+from .kernels.begin import find_patches, find_slow, give_shape, split_forces
 from .kernels.block import new_workspace
 from .kernels.leapfrog import advance_leapfrog
 from .kernels.pairs import place_points
-from .kernels.patch import find_patches
-from .kernels.split import split_forces
 from .kernels.substep import advance_step
+from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_energy
+from .levels import thin_out
 from .model import PbdModel
 from .parameters import PbdParameters
-from .records import Inputs, Leap, Outputs, Scratch, new_inputs, new_leap, new_outputs, new_scratch, new_used
-from .state import PbdState, new_state
+from .points import hand_on
+from .records import (
+    Inputs,
+    Leap,
+    Outputs,
+    PbdState,
+    Scratch,
+    new_inputs,
+    new_leap,
+    new_outputs,
+    new_scratch,
+    new_state,
+    new_used,
+)
 from .two_threads import TwoThreads
 
 TOUCH = 1e-3
@@ -62,11 +77,6 @@ class StepResult(NamedTuple):
     """of each cell from the nearest tool (c,) [m]"""
     dissipated: float = 0.0
     """by a material with internal state [J]"""
-
-    @property
-    def why(self) -> str:
-        """What is wrong with it, '' for nothing."""
-        return "" if self.fault is watch.Fault.NONE else self.fault.value
 
 
 class StepScratch:
@@ -108,14 +118,14 @@ class StepScratch:
 def _free_to_turn(model: PbdModel, parameters: PbdParameters) -> Turning | None:
     """What gives a rotation back; None of a region that is held or tied, whose law knows no turns, and of explicit
     steps, which lose nothing."""
-    held = ((parameters.inverse_mass == 0.0) & (parameters.mass > 0.0)).any()
+    held = ((parameters.arrays.inverse_mass == 0.0) & (parameters.arrays.mass > 0.0)).any()
     keeps = parameters.explicit or parameters.blocks.small
-    return None if held or keeps or len(model.seam) else Turning(parameters.mass)
+    return None if held or keeps or len(model.seam) else Turning(parameters.arrays.mass)
 
 
 def _most(planned: int) -> int:
     """Substeps that the last repetition of a step takes at most."""
-    return int(planned * 2 ** (watch.RETRIES + watch.SHORTEST))
+    return int(planned * 2 ** (trust.RETRIES + trust.SHORTEST))
 
 
 def _room(model: PbdModel, parameters: PbdParameters, planned: int) -> tuple[Scratch, Leap | None]:
@@ -135,25 +145,25 @@ def step(
 ) -> tuple[PbdState, StepResult]:
     """A step of dt [s] from a state, tried until the monitor believes it; the new state is `scratch.next`."""
     scratch.fit(model, parameters, dt)
-    if state.monitor[watch.UNSHARED] != 0.0:
+    if state.monitor[trust.UNSHARED] != 0.0:
         share_out(model, parameters, state, inputs.tools, scratch)
     work, result, floor = scratch.next, scratch.outputs.result, parameters.roundoff
     cause, sweeps = "", 0
-    for number in range(watch.RETRIES + 1):
+    for number in range(trust.RETRIES + 1):
         n_substeps, n_sweeps = attempt(model, parameters, state, inputs, dt, scratch, number)
         swept, unfinished = _swept(parameters, scratch, n_substeps, n_sweeps)
         sweeps += swept
         fault = watch.check(result, state.monitor, floor)
         notice = watch.alarm(cause, result, state.monitor, number, n_substeps, n_sweeps, unfinished)
-        lagging = number == 0 and watch.grows(result, state.monitor)
+        lagging = number == 0 and trust.grows(result, state.monitor)
         if fault is watch.Fault.NONE and not lagging:
             break
-        cause = fault.value.split(":")[0] if fault is not watch.Fault.NONE else watch.GROWS
+        cause = fault.text.split(":")[0] if fault is not watch.Fault.NONE else watch.GROWS
     if fault is watch.Fault.DIVERGED:
         return work, stay(parameters, state, scratch)._replace(
             fault=fault, n_substeps=n_substeps, sweeps=sweeps, notice=notice
         )
-    if watch.remember(work.monitor, result, floor):
+    if trust.remember(work.monitor, result, floor):
         notice[Detail.SHORTER] = watch.GAINS
     to_plan = fault is watch.Fault.NONE and number == 0
     outputs = scratch.outputs
@@ -168,8 +178,8 @@ def stay(parameters: PbdParameters, state: PbdState, scratch: StepScratch) -> St
     result = outputs.result
     result[:], outputs.wrench[:], outputs.distance[:] = 0.0, 0.0, 0.0
     standing = Totals.of(state.x, state.v, parameters.own_mass)
-    result[k.KINETIC], result[k.STRAIN] = standing.kinetic, monitor[watch.STRAIN]
-    result[k.GRAVITY] = monitor[watch.GRAVITY]
+    result[k.KINETIC], result[k.STRAIN] = standing.kinetic, monitor[trust.STRAIN]
+    result[k.GRAVITY] = monitor[trust.GRAVITY]
     result[k.MOMENTUM : k.MOMENTUM + 3], result[k.ANGULAR : k.ANGULAR + 3] = standing.momentum, standing.angular
     result[k.BOUNDS : k.BOUNDS + 6] = standing.bounds.ravel()
     arrays = result, outputs.wrench, outputs.distance
@@ -188,7 +198,7 @@ def share_out(
         *(tools.kind, tools.shape, motion.position, motion.orientation, point_x, model.touches),
         *(TOUCH * float(parameters.blocks.edges.min()), state.force),
     )
-    state.monitor[watch.UNSHARED] = 0.0
+    state.monitor[trust.UNSHARED] = 0.0
 
 
 def attempt(
@@ -207,21 +217,21 @@ def attempt(
     """
     work = scratch.next
     np.copyto(work.buffer, state.buffer)
-    if work.monitor[watch.STRETCH] < watch.COLLAPSED:
-        give_shape(work.x, parameters.x_rest)
+    if work.monitor[trust.STRETCH] < trust.COLLAPSED:
+        give_shape(work.x, parameters.arrays.x_rest)
     if len(inputs.turn):
         work.v[:] = with_change(inputs.turn, state.x, state.v)
-    n_substeps = scratch.planned * 2 ** (number + int(work.monitor[watch.HALVINGS]))
+    n_substeps = scratch.planned * 2 ** (number + int(work.monitor[trust.HALVINGS]))
     if parameters.explicit:
         leap_ahead(model, parameters, dt, n_substeps, scratch)
         return n_substeps, 0
-    if number >= watch.COLD:
+    if number >= trust.COLD:
         work.stress[:] = 0.0
         work.a[:] = 0.0
         work.force[:] = 0.0
         work.steady[:] = 0.0
     n_sweeps = parameters.spec.sweeps + number
-    if watch.needs_two_sweeps(work.monitor):
+    if trust.needs_two_sweeps(work.monitor):
         n_sweeps = max(n_sweeps, 2)
     arrays = model.arrays, parameters.arrays
     scratch.arrays.used[:] = 0
@@ -281,3 +291,54 @@ def _swept(parameters: PbdParameters, scratch: StepScratch, n_substeps: int, n_s
     used = scratch.arrays.used[:n_substeps]
     unfinished = int((used == 0).sum())
     return int(used.sum()) + unfinished * n_sweeps, unfinished
+
+
+def start_state(
+    model: PbdModel,
+    parameters: PbdParameters,
+    body: Body,
+    region: Region,
+    handed: BodyState | None,
+    scratch: StepScratch,
+    state: PbdState,
+) -> None:
+    """Fill a state, in place, so that a body at rest in equilibrium stays exactly where it is.
+
+    handed: the body as another participant had it; None: at rest
+    """
+    ws, xw, figures = scratch.ws, scratch.arrays.xw, scratch.arrays.figures
+    if handed is None:
+        state.x[:] = parameters.arrays.x_rest
+        state.v[:] = body.v_initial[region.nodes]
+    else:
+        state.x[:] = handed.x[region.nodes]
+        state.v[:] = handed.v[region.nodes]
+        tool = handed.contact_tool[region.points]
+        touching = np.flatnonzero((tool >= 0) & (tool < model.n_tools))
+        state.force[touching, tool[touching]] = handed.contact_force[region.points[touching]]
+        hand_on(state.force, model.touches, model.n_surface, (model.indptr, model.node, parameters.arrays.weight))
+        state.force_mean[:] = state.force
+    state.v[region.fixed] = 0.0
+    if handed is not None:
+        thin_out(model.levels, region, parameters.arrays.mass, state.x, state.v)
+    model.levels.follow(state.x, state.v)
+    blocks, numbers = model.blocks, parameters.blocks
+    to_blocks(blocks, model.levels.coarse, internal_of(body, handed, region.cells), state.memory)
+    numbers.hold(state.memory)
+    n = model.n_nodes
+    xw[:n, :3] = state.x
+    exact_stress(ws, xw, blocks.nodes, numbers.volume, state.stress, numbers.constants, numbers.law)
+    force = np.zeros((n + 8, 4))
+    block_forces(ws, blocks.nodes, state.stress, numbers.constants, force, 0, blocks.n_batches)
+    rows = np.repeat(np.arange(model.n_points), np.diff(model.indptr))
+    np.add.at(force[:, :3], model.node, parameters.arrays.weight[:, None] * state.force.sum(axis=1)[rows])
+    state.a[:] = parameters.arrays.inverse_mass[:, None] * force[:n, :3]
+    batch_energies(
+        *(ws, xw, blocks.nodes, numbers.volume, numbers.constants, numbers.law, 0, blocks.n_batches),
+        figures,
+    )
+    strain, least_j = strain_energy(figures)
+    kinetic = 0.5 * float(parameters.arrays.mass @ np.einsum("nc,nc->n", state.v, state.v))
+    gravity = -float(parameters.arrays.mass @ ((state.x - parameters.arrays.x_rest) @ parameters.arrays.gravity))
+    stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(parameters.arrays.x_rest, axis=0).max())
+    state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch, 0.0, 0.0

@@ -14,7 +14,7 @@ and another one after it, r = x - c (s = 1 + a h of a drag a, else 1):
 
 where vectors stand for their cross products, and w_c is what is left: I1 w_c + S1 = (S0 + h T)/s with the torque T of
 all that acts from outside, about c1. D and G move no centre. Both are smooth functions of sums over nodes, which
-complex numbers differentiate (fem/turning_derivative.py). Of steps in substeps of h, one of dt loses w (w . S) h dt in
+complex numbers differentiate (fem/turning.py). Of steps in substeps of h, one of dt loses w (w . S) h dt in
 all, and w_c alone is enough.
 """
 

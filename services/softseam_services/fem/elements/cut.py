@@ -23,10 +23,10 @@ from softseam_protocol.scene.kinds import ElementKind
 from softseam_services.body.body import Body, Floats, Ints
 from softseam_services.body.filled import FULL_MOMENTS, mean_gradients, mean_trilinear_gradients
 from softseam_services.body.interpolate import hex27
-from softseam_services.fem.elements.hex27 import SHARES
-from softseam_services.fem.elements.hexahedra import SIGNS
-from softseam_services.fem.elements.table import Table, gauss
 from softseam_services.fem.octants import Octants
+
+from .hexahedra import SHARES, SIGNS
+from .table import Table, gauss
 
 
 def octant_stabilisation(edges: Floats) -> Floats:

@@ -15,9 +15,10 @@ import numpy as np
 
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.interpolate import hex27
-from softseam_services.fem.elements.cut import octant_stabilisation
-from softseam_services.fem.elements.table import Table
 from softseam_services.fem.octants import Octants
+
+from .cut import octant_stabilisation
+from .table import Table
 
 _TWO = np.array([-1.0, 1.0]) / np.sqrt(3.0)
 _THREE = (np.array([-1.0, 0.0, 1.0]) * np.sqrt(0.6), np.array([5.0, 8.0, 5.0]) / 9.0)

@@ -26,6 +26,11 @@ def parameters(radius: float) -> Floats:
     return np.array([1.0 - af, am, 0.25 * (1.0 - am + af) ** 2, 0.5 - am + af])
 
 
+def trapezoidal() -> Floats:
+    """The same of Newmark's average acceleration, the trapezoidal rule: second order, dissipates nothing."""
+    return np.array([1.0, 0.0, 0.25, 0.5])
+
+
 @njit(cache=True, error_model="numpy")
 def begin(dt, parameters, x0, v0, history, x_hat):
     """Fill x_hat (n, 3) [m] of eq. (3); history (1, n, 3); returns the share of M in the balance [1/s^2]."""

@@ -9,8 +9,9 @@ past is the length of the step that made the history [s], 0 where there is none;
 from typing import NamedTuple
 
 from softseam_services.body.body import Floats
-from softseam_services.fem.integrators import bdf2, generalised_alpha, implicit_euler, midpoint, static
 from softseam_services.jit import njit, record
+
+from . import bdf2, generalised_alpha, implicit_euler, midpoint, static
 
 IMPLICIT_EULER, MIDPOINT, BDF2, GENERALISED_ALPHA, SYMPLECTIC_EULER, STATIC = 0, 1, 2, 3, 4, 5
 STEPPERS = frozenset({IMPLICIT_EULER, MIDPOINT, BDF2, GENERALISED_ALPHA, SYMPLECTIC_EULER, STATIC})

@@ -11,21 +11,13 @@ import numpy as np
 
 from softseam_protocol.scene.models import FemSpec
 from softseam_protocol.table import Table
-from softseam_services.fem.integrators import bdf2, generalised_alpha, midpoint, newmark
-from softseam_services.fem.integrators.scheme import (
-    BDF2,
-    GENERALISED_ALPHA,
-    IMPLICIT_EULER,
-    MIDPOINT,
-    STATIC,
-    STEPPERS,
-    SYMPLECTIC_EULER,
-    Scheme,
-)
-from softseam_services.fem.integrators.symplectic_euler import SAFETY, highest_frequency
 from softseam_services.fem.model import FemModel
 from softseam_services.fem.parameters import FemParameters
 from softseam_services.fem.work import Work
+
+from . import bdf2, generalised_alpha, midpoint
+from .scheme import BDF2, GENERALISED_ALPHA, IMPLICIT_EULER, MIDPOINT, STATIC, STEPPERS, SYMPLECTIC_EULER, Scheme
+from .symplectic_euler import SAFETY, highest_frequency
 
 
 class Setting(NamedTuple):
@@ -74,7 +66,7 @@ def _bdf2(setting: Setting) -> Scheme:
 
 
 def _newmark(setting: Setting) -> Scheme:
-    return of_family(*newmark.parameters())
+    return of_family(*generalised_alpha.trapezoidal())
 
 
 def _generalised_alpha(setting: Setting) -> Scheme:

@@ -7,16 +7,6 @@ freedoms, and a gap of zero at all of them would flatten what curves within a ce
 
 import numpy as np
 
-from softseam_services.fem.kernels.contact import (
-    ANCHOR,
-    AT_NODE,
-    EDGED,
-    OPEN,
-    SPREAD,
-    SWEPT,
-    coefficient,
-    point_position,
-)
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import BOX, PLANE
 from softseam_services.tools.edged import PATCHES
@@ -30,6 +20,9 @@ from softseam_services.tools.kernels import (
     swept_gap,
     tool_gap,
 )
+
+from .contact import coefficient, point_position
+from .contact_columns import ANCHOR, AT_NODE, EDGED, OPEN, SPREAD, SWEPT
 
 _NOBODY, SEVERAL = -1, -2
 _ALIKE = 0.9

@@ -15,9 +15,10 @@ Cells that the body fills in part (fem/elements/cut.py), or that are no boxes, h
 import numpy as np
 
 from softseam_services.body.materials.neo_hookean import volumetric
-from softseam_services.fem.kernels.fronts import add_block_row
-from softseam_services.fem.kernels.lapack import multiply
 from softseam_services.jit import njit
+
+from .fronts import add_block_row
+from .lapack import multiply
 
 LANES = 32  # nodes of a cell, padded so that loops over them fill vector registers
 

@@ -12,24 +12,14 @@ before: along e nothing resists, and what turns round at every iteration shall s
 
 import numpy as np
 
-from softseam_services.fem.kernels.anderson import add_scaled
-from softseam_services.fem.kernels.contact import (
-    EDGED,
-    NORMAL,
-    OPEN,
-    PRESSURE,
-    RELAXED,
-    SLIP,
-    SLOPE,
-    TRACTION,
-    TRIAL,
-    coefficient,
-)
-from softseam_services.fem.kernels.contact_tangents import LEANS, SPREADS
-from softseam_services.fem.kernels.dot import dot
-from softseam_services.fem.kernels.fronts import solve
-from softseam_services.fem.kernels.gmres import add_solution, begin_krylov, extend_krylov
 from softseam_services.jit import njit
+
+from .anderson import add_scaled, dot
+from .contact import coefficient
+from .contact_columns import EDGED, NORMAL, OPEN, PRESSURE, RELAXED, SLIP, SLOPE, TRACTION, TRIAL
+from .contact_tangents import LEANS, SPREADS
+from .fronts import solve
+from .gmres import add_solution, begin_krylov, extend_krylov
 
 _TOLERANCE = 0.05
 """of eq. (1), in the length of d [1]"""

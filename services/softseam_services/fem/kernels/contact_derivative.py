@@ -17,34 +17,22 @@ Where a state is about to change, these are of the side that the run is on; `mar
 
 import numpy as np
 
-from softseam_services.fem.kernels.candidates import SEVERAL, find_holders, firmness, meets
-from softseam_services.fem.kernels.contact import (
-    EDGED,
-    GAP,
-    NORMAL,
-    OPEN,
-    PRESSURE,
-    SLIP,
-    SLOPE,
-    SWEPT,
-    TRIAL,
-    coefficient,
-    patch_edges,
-    point_position,
-)
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import CYLINDER, PLANE
 from softseam_services.tools.kernels import SLOW, patch_press, rotate, tool_gap
 
+from .candidates import SEVERAL, find_holders, firmness, meets
+from .contact import coefficient, patch_edges, point_position
+from .contact_columns import EDGED, GAP, NORMAL, OPEN, PRESSURE, SLIP, SLOPE, SWEPT, TRIAL
+from .tangent_product import APART
+
 BY_PENALTY, BY_FRICTION = 0, 1
 """columns of `numbers`"""
-_APART = 1e-5
-"""of a cell edge: between the places whose normals are compared"""
 
 
 @njit(cache=True, error_model="numpy")
 def differentiate_contacts(x0, v0, dt, x, contact, model, parameters, tools, count, work, out):
-    """Fill out (`contact_slopes.ContactSlopes`) by eq. (3) for candidates that `evaluate_contacts` saw at x.
+    """Fill out (`differential.ContactSlopes`) by eq. (3) for candidates that `evaluate_contacts` saw at x.
 
     x0, v0 (n, 3), contact (p, t, 9): at the start of the step.
     """
@@ -120,7 +108,7 @@ def _bend(c, xp, edge, tools, work, G, H):
     if work.side[c] != -1 or kind == PLANE:
         return
     shape, position, turn = tools.shape[tool], tools.position_next[tool], tools.orientation_next[tool]
-    apart = _APART * edge
+    apart = APART * edge
     for j in range(3):
         at = xp[j]
         xp[j] = at + apart
@@ -138,7 +126,7 @@ def _differentiate_patch(c, xp, edges, friction, edge, tools, work, G, H, out):
     """`_bend` of a patch that is looked at in parts, and out.edges and out.lean of it, in place: central differences of
     eq. (2) of tools/kernels/patch.py."""
     by_edges, lean = out.edges[c], out.lean[c]
-    row, tool, r, apart = work.contact[c], work.pair[c, 1], work.hold[c, 0], _APART * edge
+    row, tool, r, apart = work.contact[c], work.pair[c, 1], work.hold[c, 0], APART * edge
     sag, places = work.hold[c, 4], tools.places[tool]
     shape = tools.kind[tool], tools.shape[tool], tools.position_next[tool], tools.orientation_next[tool]
     q, e, dn, dt = np.empty(3), np.zeros(3), np.empty(3), np.empty(3)
@@ -253,7 +241,7 @@ def _differentiate_met(c, x0, v0, dt, xp, model, parameters, tools, work, out):
     if slips and row[TRIAL] > 0.0:
         for i in range(3):
             e[i] = (q[i] - across * row[NORMAL + i]) / row[TRIAL]
-    apart, slow = _APART * parameters.edge, SLOW * tools.reach[tool]
+    apart, slow = APART * parameters.edge, SLOW * tools.reach[tool]
     for which in range(2):
         for j in range(3):
             at = ends[which, j]

@@ -6,8 +6,10 @@ where it meets a tool's edge (kernels/contact.py).
 
 import numpy as np
 
-from softseam_services.fem.kernels.contact import EDGED, NORMAL, PRESSURE, TRACTION, acting_weight
 from softseam_services.jit import njit
+
+from .contact import acting_weight
+from .contact_columns import EDGED, NORMAL, PRESSURE, TRACTION
 
 POINT, ACTING = 2, 3
 """where W of `spread` is: at a candidate's point, or where its force acts"""

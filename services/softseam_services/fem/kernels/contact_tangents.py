@@ -8,25 +8,13 @@ where every D is r I, added to the panels once.
 
 import numpy as np
 
-from softseam_services.fem.kernels.cells import LANES
-from softseam_services.fem.kernels.contact import (
-    EDGED,
-    GAP,
-    NORMAL,
-    OPEN,
-    PRESSURE,
-    RELAXED,
-    SLIP,
-    SLOPE,
-    SPREAD,
-    STICK,
-    TRACTION,
-    TRIAL,
-    coefficient,
-)
-from softseam_services.fem.kernels.fronts import add_block, add_block_row
-from softseam_services.fem.kernels.lapack import product
 from softseam_services.jit import njit
+
+from .cells import LANES
+from .contact import coefficient
+from .contact_columns import EDGED, GAP, NORMAL, OPEN, PRESSURE, RELAXED, SLIP, SLOPE, SPREAD, STICK, TRACTION, TRIAL
+from .fronts import add_block, add_block_row
+from .lapack import product
 
 BATCH = 64
 """points of a cell that are multiplied at once"""

@@ -5,8 +5,9 @@ of these that are crushed count in part with full quadrature, see kernels/quadra
 the body beside them have joints, too (kernels/joints.py).
 """
 
-from softseam_services.fem.kernels import cells, joints, point_tangents, point_volumes, points
 from softseam_services.jit import njit
+
+from . import cells, joints, point_tangents, point_volumes, points
 
 
 @njit(cache=True, error_model="numpy")

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from softseam_services.fem.kernels import elements
-from softseam_services.fem.kernels.contact import point_position
 from softseam_services.jit import njit
+
+from . import elements
+from .contact import point_position
 
 
 @njit(cache=True, error_model="numpy")

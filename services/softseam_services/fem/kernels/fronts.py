@@ -7,9 +7,10 @@ at places that are used again: they stay in the cache, and need a small part of 
 `tree` is a `tree.Tree`.
 """
 
-from softseam_services.fem.kernels.lapack import product
-from softseam_services.fem.kernels.panel import ascend, descend, factor_panel, inverse_triangle
 from softseam_services.jit import njit
+
+from .lapack import product
+from .panel import ascend, descend, factor_panel, inverse_triangle
 
 # columns of tree.meta
 FIRST, OWN, ALL, PARENT, VALUES, ROW, REST, CHILD, SIBLING, RUN, RUN_END = range(11)
@@ -136,9 +137,11 @@ def _add_to_rest(meta, runs, rest, child, front):
 
 
 @njit(cache=True, error_model="numpy")
-def factor_fronts(meta, runs, values, rest, begin, end, tile, strip, ints):
-    """Factor the fronts begin .. end of a tree in place; returns 0, or 1 + the one that is not positive definite."""
-    for front in range(begin, end):
+def factor(tree, values, scratch):
+    """Factor all fronts in place; returns 0, or 1 + the one where the matrix is not positive definite."""
+    meta, runs, rest = tree.meta, tree.runs, scratch.rest
+    tile, strip, ints = scratch.tile, scratch.strip, scratch.ints
+    for front in range(len(meta)):
         child = meta[front, CHILD]
         while child >= 0:
             _add_to_panel(meta, runs, values, rest, child, front)
@@ -157,7 +160,7 @@ def factor_fronts(meta, runs, values, rest, begin, end, tile, strip, ints):
 @njit(cache=True, error_model="numpy")
 def solve(tree, values, b, scratch):
     """b <- A^-1 b in elimination order; b (3 n_free,) updated in place."""
-    meta, t, s, ints = tree.meta, scratch.t, scratch.tile[0], scratch.ints[0]
+    meta, t, s, ints = tree.meta, scratch.t, scratch.tile, scratch.ints
     for front in range(len(meta)):
         first, k, m = 3 * meta[front, FIRST], 3 * meta[front, OWN], 3 * meta[front, ALL]
         row = meta[front, ROW]
@@ -198,7 +201,7 @@ def _ascend_all(tree, values, b, t, s, ints):
 @njit(cache=True, error_model="numpy")
 def solve_seam(tree, values, b, scratch):
     """`solve` for a b that is zero but at the seam's nodes, which the last front owns: the same bits, half the time."""
-    meta, t, s, ints = tree.meta, scratch.t, scratch.tile[0], scratch.ints[0]
+    meta, t, s, ints = tree.meta, scratch.t, scratch.tile, scratch.ints
     last = tree.seam_front
     first, k = 3 * meta[last, FIRST], 3 * meta[last, OWN]
     for i in range(k):

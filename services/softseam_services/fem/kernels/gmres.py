@@ -8,9 +8,9 @@ columns are the right side, the rotations' cosines and their sines.
 
 import numpy as np
 
-from softseam_services.fem.kernels.anderson import add_scaled
-from softseam_services.fem.kernels.dot import dot
 from softseam_services.jit import njit
+
+from .anderson import add_scaled, dot
 
 
 @njit(cache=True, error_model="numpy")

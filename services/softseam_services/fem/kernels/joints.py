@@ -7,8 +7,9 @@ K_ia,kb = sum_g w_g g_a,j A_ij,kl g_b,l + delta_ik sum_n k_n t_na t_nb,   A = dP
 import numpy as np
 
 from softseam_services.body.materials.point import energy, stress, tangent
-from softseam_services.fem.kernels.point_tangents import add_point, scatter
 from softseam_services.jit import njit
+
+from .point_tangents import add_point, scatter
 
 
 @njit(cache=True, error_model="numpy")

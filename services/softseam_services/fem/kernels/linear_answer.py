@@ -9,8 +9,9 @@ Anchors of points that stick stay where they are (kernels/contact.py), so that t
 factor was made to take as touching, as they were near a tool, and that do not touch, are held in (1) all the same.
 """
 
-from softseam_services.fem.kernels.fronts import solve_seam
 from softseam_services.jit import njit
+
+from .fronts import solve_seam
 
 
 @njit(cache=True, error_model="numpy")

@@ -11,28 +11,19 @@ has contacts in it would not, so none of these outlives the last contact.
 import numpy as np
 
 from softseam_services.fem.integrators.scheme import begin
-from softseam_services.fem.kernels.anderson import accelerate
-from softseam_services.fem.kernels.candidates import find_candidates
-from softseam_services.fem.kernels.contact import (
-    OPEN,
-    RELAXED,
-    add_contact_forces,
-    any_held,
-    evaluate_contacts,
-    firm_way,
-    hold_what_stuck,
-    lets_go,
-)
-from softseam_services.fem.kernels.contact_changes import solve_with_changes
-from softseam_services.fem.kernels.contact_tangents import add_contact_tangents
-from softseam_services.fem.kernels.dot import dot
-from softseam_services.fem.kernels.elements import add_cell_tangents, subtract_forces
-from softseam_services.fem.kernels.fronts import add_diagonal, add_seam_stiffness, hold, seam_inverse, solve
-from softseam_services.fem.kernels.lapack import multiply
-from softseam_services.fem.kernels.two_threads import factor
-from softseam_services.fem.kernels.viscosity import add_viscous_tangents, subtract_viscous
-from softseam_services.fem.kernels.viscous_start import resist
 from softseam_services.jit import njit
+
+from .anderson import accelerate, dot
+from .candidates import find_candidates
+from .contact import add_contact_forces, any_held, evaluate_contacts, firm_way, hold_what_stuck, lets_go
+from .contact_changes import solve_with_changes
+from .contact_columns import OPEN, RELAXED
+from .contact_tangents import add_contact_tangents
+from .elements import add_cell_tangents, subtract_forces
+from .fronts import add_diagonal, add_seam_stiffness, factor, hold, seam_inverse, solve
+from .lapack import multiply
+from .viscosity import add_viscous_tangents, subtract_viscous
+from .viscous_start import resist
 
 CONVERGED, STALLED, INDEFINITE, NOT_FINITE = 0, 1, 2, 3
 # entries of work.memo, what is known of the factor in work.values

@@ -11,8 +11,9 @@ their speed.
 
 import numpy as np
 
-from softseam_services.fem.kernels.lapack import apply, minus_square, product
 from softseam_services.jit import njit
+
+from .lapack import apply, minus_square, product
 
 STRIP = 24
 """columns of a strip, a multiple of 3"""

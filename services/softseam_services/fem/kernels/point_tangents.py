@@ -9,11 +9,11 @@ v = sum_q w_q c_q : dF_q/dx and s = sum_q w_q e_q of the terms c, e with dJ_bar,
 import numpy as np
 
 from softseam_services.body.materials.point import stress, tangent
-from softseam_services.fem.kernels.cells import gather
-from softseam_services.fem.kernels.internal_variables import respond
-from softseam_services.fem.kernels.mean_volume import mean_pressure, modify, modify_tangent
-from softseam_services.fem.kernels.points import group_volumes, own_arrays, point_gradients
 from softseam_services.jit import njit
+
+from .cells import gather
+from .mean_volume import mean_pressure, modify, modify_tangent
+from .points import group_volumes, own_arrays, point_gradients, respond
 
 
 @njit(cache=True, error_model="numpy")

@@ -16,10 +16,11 @@ import numpy as np
 
 from softseam_services.body.body import Floats
 from softseam_services.body.materials.neo_hookean import J_MIN, volumetric
-from softseam_services.fem.kernels.cells import LANES, deformation
-from softseam_services.fem.kernels.fronts import add_block_row
-from softseam_services.fem.kernels.lapack import product
 from softseam_services.jit import njit
+
+from .cells import LANES, deformation
+from .fronts import add_block_row
+from .lapack import product
 
 FIRST, LAST = 0.15, 0.35
 # A step counts the cells that are as far as this when it begins, and those that get as far as FIRST.

@@ -12,9 +12,10 @@ Cells that are joined to others (kernels/joints.py) stay: full quadrature has no
 
 import numpy as np
 
-from softseam_services.fem.kernels.cells import least_square_stretch
-from softseam_services.fem.kernels.elements import strain_energy
 from softseam_services.jit import njit
+
+from .cells import least_square_stretch
+from .elements import strain_energy
 
 FIRST, LAST = 0.55, 0.45
 FOLLOWS = 0.3

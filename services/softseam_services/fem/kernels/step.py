@@ -4,27 +4,16 @@ import numpy as np
 
 from softseam_services.fem.integrators.scheme import STATIC, SYMPLECTIC_EULER, begin, finish
 from softseam_services.fem.integrators.symplectic_euler import march
-from softseam_services.fem.kernels.candidates import find_candidates
-from softseam_services.fem.kernels.contact import (
-    ANCHOR,
-    GAP,
-    NORMAL,
-    OPEN,
-    PRESSURE,
-    RELAXED,
-    SLIDE,
-    TRACTION,
-    acting_place,
-    augment,
-    evaluate_contacts,
-    next_anchor,
-    patch_edges,
-    point_position,
-)
-from softseam_services.fem.kernels.contact_changes import add_resistance
-from softseam_services.fem.kernels.elements import strain_energy
-from softseam_services.fem.kernels.linear_answer import move_on
-from softseam_services.fem.kernels.newton import (
+from softseam_services.jit import njit
+from softseam_services.tools.kernels import cell_distances, tool_travel
+
+from .candidates import find_candidates
+from .contact import acting_place, augment, evaluate_contacts, next_anchor, patch_edges, point_position
+from .contact_changes import add_resistance
+from .contact_columns import ANCHOR, GAP, NORMAL, OPEN, PRESSURE, RELAXED, SLIDE, TRACTION
+from .elements import strain_energy
+from .linear_answer import move_on
+from .newton import (
     CONVERGED,
     INDEFINITE,
     N_CANDIDATES,
@@ -35,11 +24,9 @@ from softseam_services.fem.kernels.newton import (
     seam_compliance,
     seam_pull,
 )
-from softseam_services.fem.kernels.point_volumes import FIRST, WATCHED, loses_volume, watch_cells
-from softseam_services.fem.kernels.quadrature_blending import FOLLOWS, share_cells
-from softseam_services.fem.kernels.viscous_start import resist
-from softseam_services.jit import njit
-from softseam_services.tools.kernels import cell_distances, tool_travel
+from .point_volumes import FIRST, WATCHED, loses_volume, watch_cells
+from .quadrature_blending import FOLLOWS, share_cells
+from .viscous_start import resist
 
 # entries of `out`
 KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, MOMENTUM, ANGULAR = 0, 1, 2, 3, 4, 5, 8

@@ -19,10 +19,12 @@ J is not factored: GMRES (kernels/gmres.py) solves with the symmetric factor of 
 
 import numpy as np
 
-from softseam_services.fem.kernels.anderson import add_scaled
-from softseam_services.fem.kernels.contact import EDGED, OPEN, SWEPT
-from softseam_services.fem.kernels.contact_derivative import BY_FRICTION, BY_PENALTY, differentiate_contacts
-from softseam_services.fem.kernels.contact_spread import (
+from softseam_services.jit import njit
+
+from .anderson import add_scaled, dot
+from .contact_columns import EDGED, OPEN, SWEPT
+from .contact_derivative import BY_FRICTION, BY_PENALTY, differentiate_contacts
+from .contact_spread import (
     ACTING,
     POINT,
     acting,
@@ -37,11 +39,9 @@ from softseam_services.fem.kernels.contact_spread import (
     times,
     times_transposed,
 )
-from softseam_services.fem.kernels.dot import dot
-from softseam_services.fem.kernels.fronts import solve
-from softseam_services.fem.kernels.gmres import add_solution, begin_krylov, extend_krylov
-from softseam_services.fem.kernels.tangent_product import multiply_tangent
-from softseam_services.jit import njit
+from .fronts import solve
+from .gmres import add_solution, begin_krylov, extend_krylov
+from .tangent_product import multiply_tangent
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

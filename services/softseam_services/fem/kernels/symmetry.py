@@ -7,20 +7,10 @@ or an angular momentum l about the origin, with the force or momentum p that is 
 
 import numpy as np
 
-from softseam_services.fem.kernels.contact import ANCHOR, FORCE, SLIP_SO_FAR
-from softseam_services.fem.kernels.step import (
-    ANGULAR,
-    GRAVITY,
-    HIGHEST,
-    KINETIC,
-    LOWEST,
-    MOMENTUM,
-    N_CONTACTS,
-    SEAM_WORK,
-    STRAIN,
-    TOOL_WORK,
-)
 from softseam_services.jit import njit
+
+from .contact_columns import ANCHOR, FORCE, SLIP_SO_FAR
+from .step import ANGULAR, GRAVITY, HIGHEST, KINETIC, LOWEST, MOMENTUM, N_CONTACTS, SEAM_WORK, STRAIN, TOOL_WORK
 
 
 @njit(cache=True, error_model="numpy")

@@ -3,18 +3,20 @@
 On the fast path, of kernels/cells.py with its A, B, H = cof F (or I), L and gradients g of a cell at 8 points q,
   (K v)_ia = sum_b L_ab v_ib + sum_q (dP_q g_a)_i,   dP = A (H : dF) H + B H dF^T H,   dF = sum_b v_b g_b^T       (1)
 Of other elements and laws, and of cells that are watched for lost volume, it is the central difference of forces over
-`_APART` of a cell edge, off by about 1e-10.
+`APART` of a cell edge, off by about 1e-10.
 """
 
 import numpy as np
 
-from softseam_services.fem.kernels.anderson import add_scaled
-from softseam_services.fem.kernels.cells import deformation, gather, multiply_full, point_factors
-from softseam_services.fem.kernels.elements import subtract_forces
-from softseam_services.fem.kernels.lapack import multiply
 from softseam_services.jit import njit
 
-_APART = 1e-5
+from .anderson import add_scaled
+from .cells import deformation, gather, multiply_full, point_factors
+from .elements import subtract_forces
+from .lapack import multiply
+
+APART = 1e-5
+"""of a cell edge: between what central differences compare"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -33,7 +35,7 @@ def multiply_tangent(x, v, model, parameters, work, moved, out):
                 moved[node, i] = v[place + i] if place >= 0 else 0.0
         _multiply_cells(x, moved, model, parameters, work, out)
         return
-    scale = _APART * parameters.edge / largest
+    scale = APART * parameters.edge / largest
     for side in (1.0, -1.0):
         for node in range(len(x)):
             place = 3 * model.order[node]

@@ -30,11 +30,12 @@ Points at less than a fifth of their volume when the step begins have none of th
 import numpy as np
 
 from softseam_services.body.materials.neo_hookean import J_MIN
-from softseam_services.fem.kernels.cells import gather, least_square_stretch
-from softseam_services.fem.kernels.mean_volume import positive_volume, volume_gradient
-from softseam_services.fem.kernels.point_tangents import add_coupling, scatter
-from softseam_services.fem.kernels.points import point_gradients
 from softseam_services.jit import njit
+
+from .cells import gather, least_square_stretch
+from .mean_volume import positive_volume, volume_gradient
+from .point_tangents import add_coupling, scatter
+from .points import point_gradients
 
 
 @njit(cache=True, error_model="numpy")

@@ -4,10 +4,11 @@ import numpy as np
 
 from softseam_services.body.materials.neo_hookean import J_MIN
 from softseam_services.fem.integrators.scheme import viscous_share
-from softseam_services.fem.kernels.cells import gather
-from softseam_services.fem.kernels.mean_volume import volume_gradient
-from softseam_services.fem.kernels.points import point_gradients
 from softseam_services.jit import njit
+
+from .cells import gather
+from .mean_volume import volume_gradient
+from .points import point_gradients
 
 _FLAT = 1e-3  # of a mean deformation gradient: below, what is even in a motion is not known, and S damps nothing
 

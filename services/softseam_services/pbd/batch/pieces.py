@@ -102,9 +102,9 @@ class Structure:
             raise SettingError("many pieces touch with nodes of their own only")
         self.points: Ints = np.searchsorted(used, model.node[begin]).astype(np.int32)
         """nodes that may touch (p,)"""
-        self.x_rest: Floats = parameters.x_rest[used]
+        self.x_rest: Floats = parameters.arrays.x_rest[used]
         """of the scene's own piece (n, 3) [m]"""
-        self.mass: Floats = parameters.mass[used]
+        self.mass: Floats = parameters.arrays.mass[used]
         """of the scene's own piece (n,) [kg]"""
         self.kind = np.asarray(tools.kind)
         self.shape: Singles = np.ascontiguousarray(tools.shape[:, :3], dtype=np.float32)

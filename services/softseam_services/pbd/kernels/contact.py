@@ -27,47 +27,18 @@ import numpy as np
 
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import PLANE
-from softseam_services.tools.kernels import SLOW, patch_yields, rotate, rotate_back, steepness
+from softseam_services.tools.kernels import SLOW, patch_yields, steepness
 
-from .copy_rows import copy_rows
-from .faced import face_sides, faced_gap, faces
-from .gaps import find_all_gaps, find_gaps
-from .lanes import batch_kernel, four, lane_kernel, three
-from .pairs import (
-    ALLOWED,
-    BEFORE,
-    CHANGE,
-    DEEP,
-    DEPTH,
-    EDGED,
-    EIGHT,
-    FORCE,
-    FRICTION,
-    GAP,
-    GIVE,
-    GRADE,
-    HELD,
-    HOLD,
-    LAG,
-    MEAN,
-    MOMENT,
-    SLIP_SINCE,
-    SLIPPED,
-    SOFT,
-    STEADY,
-    WORK,
-    W,
-    X,
-    farthest,
-    lean_group,
-    move_group,
-    place_group,
-)
+from . import pairs as col
+from .faced import face_sides, faces
+from .gaps import find_all_gaps
+from .lanes import batch_kernel, copy_rows, four, lane_kernel, three
+from .pairs import EIGHT, farthest, lean_group, move_group, place_group
 from .tool_motion import twelve
 
 RELEASE = 0.005
 """time in which an old penetration falls to a third [s]"""
-STILL = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+STILL = tuple(np.eye(4, 3).ravel().tolist())
 """motion of a tool that does not move, as of `tool_motions`"""
 MEMORY = 0.02
 """of the pressure that bounds friction [s]"""
@@ -83,16 +54,20 @@ def _solve(row, lane, gap, nx, ny, nz, motion, hh, newer):
 
     newer: share of p in p_mean; STEADY holds p_mean and the debt, which fades with the same memory while it sticks
     """
-    old_x, old_y, old_z = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)], row[lane + EIGHT * (FORCE + 2)]
+    old_x, old_y, old_z = (
+        row[lane + EIGHT * col.FORCE],
+        row[lane + EIGHT * (col.FORCE + 1)],
+        row[lane + EIGHT * (col.FORCE + 2)],
+    )
     x, y, z = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
-    c, per_c = row[lane + EIGHT * GIVE], row[lane + EIGHT * (GIVE + 1)]
+    c, per_c = row[lane + EIGHT * col.GIVE], row[lane + EIGHT * (col.GIVE + 1)]
     old_n = max(0.0, old_x * nx + old_y * ny + old_z * nz)
-    p = max(0.0, old_n - (gap - row[lane + EIGHT * ALLOWED]) * per_c)
+    p = max(0.0, old_n - (gap - row[lane + EIGHT * col.ALLOWED]) * per_c)
     p = p if c > 0.0 else 0.0
     # Where the tool's material under the point went in this substep.
     xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
-    ux, uy = row[lane + EIGHT * BEFORE], row[lane + EIGHT * (BEFORE + 1)]
-    uz = row[lane + EIGHT * (BEFORE + 2)]
+    ux, uy = row[lane + EIGHT * col.BEFORE], row[lane + EIGHT * (col.BEFORE + 1)]
+    uz = row[lane + EIGHT * (col.BEFORE + 2)]
     sx = x - (xx * ux + xy * uy + xz * uz + bx)
     sy = y - (yx * ux + yy * uy + yz * uz + by)
     sz = z - (zx * ux + zy * uy + zz * uz + bz)
@@ -103,106 +78,89 @@ def _solve(row, lane, gap, nx, ny, nz, motion, hh, newer):
     tz = old_z - old_n * nz - sz * per_c
     tn = tx * nx + ty * ny + tz * nz
     tx, ty, tz = tx - tn * nx, ty - tn * ny, tz - tn * nz
-    mu = row[lane + EIGHT * FRICTION]
-    steady = row[lane + EIGHT * STEADY]
+    mu = row[lane + EIGHT * col.FRICTION]
+    steady = row[lane + EIGHT * col.STEADY]
     steady += newer * (p - steady)
-    debt = row[lane + EIGHT * (STEADY + 1)]
+    debt = row[lane + EIGHT * (col.STEADY + 1)]
     lent = max(steady, p - debt) if p > 0.0 else 0.0
     square, bound = tx * tx + ty * ty + tz * tz, mu * lent
     most = mu * (max(lent, p) if p > 0.0 else 0.0)
     sticks = square <= most * most
-    row[lane + EIGHT * STEADY] = steady
-    row[lane + EIGHT * (STEADY + 1)] = (1.0 - newer) * debt if sticks else max(0.0, debt + lent - p)
+    row[lane + EIGHT * col.STEADY] = steady
+    row[lane + EIGHT * (col.STEADY + 1)] = (1.0 - newer) * debt if sticks else max(0.0, debt + lent - p)
     scale = 1.0 if sticks else bound / np.sqrt(1.0 if sticks else square)
     fx, fy, fz = p * nx + scale * tx, p * ny + scale * ty, p * nz + scale * tz
     dx, dy, dz = fx - old_x, fy - old_y, fz - old_z
     # The part of the correction along the surface changes the slip that remains.
     dn = dx * nx + dy * ny + dz * nz
-    row[lane + EIGHT * SLIPPED] = sx + c * (dx - dn * nx)
-    row[lane + EIGHT * (SLIPPED + 1)] = sy + c * (dy - dn * ny)
-    row[lane + EIGHT * (SLIPPED + 2)] = sz + c * (dz - dn * nz)
-    row[lane + EIGHT * FORCE] = fx
-    row[lane + EIGHT * (FORCE + 1)] = fy
-    row[lane + EIGHT * (FORCE + 2)] = fz
-    row[lane + EIGHT * HOLD] = 0.0 if p == 0.0 else 3.0 if sticks and mu > 0.0 else 1.0
-    row[lane + EIGHT * CHANGE] = dx
-    row[lane + EIGHT * (CHANGE + 1)] = dy
-    row[lane + EIGHT * (CHANGE + 2)] = dz
-    step = hh * row[lane + EIGHT * W]
+    row[lane + EIGHT * col.SLIPPED] = sx + c * (dx - dn * nx)
+    row[lane + EIGHT * (col.SLIPPED + 1)] = sy + c * (dy - dn * ny)
+    row[lane + EIGHT * (col.SLIPPED + 2)] = sz + c * (dz - dn * nz)
+    row[lane + EIGHT * col.FORCE] = fx
+    row[lane + EIGHT * (col.FORCE + 1)] = fy
+    row[lane + EIGHT * (col.FORCE + 2)] = fz
+    row[lane + EIGHT * col.HOLD] = 0.0 if p == 0.0 else 3.0 if sticks and mu > 0.0 else 1.0
+    row[lane + EIGHT * col.CHANGE] = dx
+    row[lane + EIGHT * (col.CHANGE + 1)] = dy
+    row[lane + EIGHT * (col.CHANGE + 2)] = dz
+    step = hh * row[lane + EIGHT * col.W]
     row[lane] = x + step * dx
     row[lane + EIGHT] = y + step * dy
     row[lane + 2 * EIGHT] = z + step * dz
 
 
 @batch_kernel
-def solve_on_plane(row, normal, place, motion, hh, newer):
-    """The eight pairs of a group with a plane through this place."""
-    nx, ny, nz = normal
-    px, py, pz = place
-    for lane in range(EIGHT):
-        gap = (row[lane] - px) * nx + (row[lane + EIGHT] - py) * ny + (row[lane + 2 * EIGHT] - pz) * nz
-        _solve(row, lane, gap, nx, ny, nz, motion, hh, newer)
-
-
-@batch_kernel
-def solve_on_box(row, a, b, c, place, turn, motion, hh, newer):
-    """The eight pairs of a group with a box of half edges a, b, c."""
-    px, py, pz = place
-    for lane in range(EIGHT):
-        x, y, z = rotate_back(turn, row[lane] - px, row[lane + EIGHT] - py, row[lane + 2 * EIGHT] - pz)
-        gap, nx, ny, nz = faced_gap(row, lane, a, b, c, x, y, z)
-        nx, ny, nz = rotate(turn, nx, ny, nz)
-        _solve(row, lane, gap, nx, ny, nz, motion, hh, newer)
-
-
-@batch_kernel
 def solve_at_gaps(row, motion, hh, newer):
     """The eight pairs of a group at their GAP."""
     for lane in range(EIGHT):
-        gap, nx = row[lane + EIGHT * GAP], row[lane + EIGHT * (GAP + 1)]
-        ny, nz = row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
+        gap, nx = row[lane + EIGHT * col.GAP], row[lane + EIGHT * (col.GAP + 1)]
+        ny, nz = row[lane + EIGHT * (col.GAP + 2)], row[lane + EIGHT * (col.GAP + 3)]
         _solve(row, lane, gap, nx, ny, nz, motion, hh, newer)
 
 
 @lane_kernel
 def _pressed(row, lane):
     """The normal part of FORCE, by GAP's normal [N]."""
-    p = row[lane + EIGHT * FORCE] * row[lane + EIGHT * (GAP + 1)]
-    p += row[lane + EIGHT * (FORCE + 1)] * row[lane + EIGHT * (GAP + 2)]
-    return max(0.0, p + row[lane + EIGHT * (FORCE + 2)] * row[lane + EIGHT * (GAP + 3)])
+    p = row[lane + EIGHT * col.FORCE] * row[lane + EIGHT * (col.GAP + 1)]
+    p += row[lane + EIGHT * (col.FORCE + 1)] * row[lane + EIGHT * (col.GAP + 2)]
+    return max(0.0, p + row[lane + EIGHT * (col.FORCE + 2)] * row[lane + EIGHT * (col.GAP + 3)])
 
 
 @lane_kernel
 def _yields(row, lane, pressure):
     """alpha of a point that is pressed so [m/N]; d/F of tools/kernels/patch.py."""
-    grade = row[lane + EIGHT * GRADE]
-    return patch_yields(row[lane + EIGHT * SOFT], row[lane + EIGHT * LAG], pressure / grade) / grade
+    grade = row[lane + EIGHT * col.GRADE]
+    return patch_yields(row[lane + EIGHT * col.SOFT], row[lane + EIGHT * col.LAG], pressure / grade) / grade
 
 
 @lane_kernel
 def _solve_softly(row, lane, motion, hh, newer):
     """Eq. (3) for one pair at its GAP; where SOFT is 0, eq. (1)."""
-    nx, ny, nz = row[lane + EIGHT * (GAP + 1)], row[lane + EIGHT * (GAP + 2)], row[lane + EIGHT * (GAP + 3)]
-    held = row[lane + EIGHT * HELD] * nx + row[lane + EIGHT * (HELD + 1)] * ny + row[lane + EIGHT * (HELD + 2)] * nz
+    nx, ny, nz = row[lane + EIGHT * (col.GAP + 1)], row[lane + EIGHT * (col.GAP + 2)], row[lane + EIGHT * (col.GAP + 3)]
+    held = (
+        row[lane + EIGHT * col.HELD] * nx
+        + row[lane + EIGHT * (col.HELD + 1)] * ny
+        + row[lane + EIGHT * (col.HELD + 2)] * nz
+    )
     soft = _yields(row, lane, max(0.0, held))
-    give = row[lane + EIGHT * GIVE]
-    row[lane + EIGHT * (GIVE + 1)] = 1.0 / (give + soft) if give > 0.0 else 0.0
-    old_x, old_y = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)]
-    old_z = row[lane + EIGHT * (FORCE + 2)]
+    give = row[lane + EIGHT * col.GIVE]
+    row[lane + EIGHT * (col.GIVE + 1)] = 1.0 / (give + soft) if give > 0.0 else 0.0
+    old_x, old_y = row[lane + EIGHT * col.FORCE], row[lane + EIGHT * (col.FORCE + 1)]
+    old_z = row[lane + EIGHT * (col.FORCE + 2)]
     old_n = _pressed(row, lane)
     # alpha (t_old - t_0): so much nearer is where the point sticks with what it holds; it is no slip.
-    lag_x = soft * (old_x - row[lane + EIGHT * HELD])
-    lag_y = soft * (old_y - row[lane + EIGHT * (HELD + 1)])
-    lag_z = soft * (old_z - row[lane + EIGHT * (HELD + 2)])
+    lag_x = soft * (old_x - row[lane + EIGHT * col.HELD])
+    lag_y = soft * (old_y - row[lane + EIGHT * (col.HELD + 1)])
+    lag_z = soft * (old_z - row[lane + EIGHT * (col.HELD + 2)])
     xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
     nearer = xx, xy, xz, yx, yy, yz, zx, zy, zz, bx - lag_x, by - lag_y, bz - lag_z
-    _solve(row, lane, row[lane + EIGHT * GAP] + soft * old_n, nx, ny, nz, nearer, hh, newer)
+    _solve(row, lane, row[lane + EIGHT * col.GAP] + soft * old_n, nx, ny, nz, nearer, hh, newer)
     lag_n = lag_x * nx + lag_y * ny + lag_z * nz
-    row[lane + EIGHT * SLIPPED] -= lag_x - lag_n * nx
-    row[lane + EIGHT * (SLIPPED + 1)] -= lag_y - lag_n * ny
-    row[lane + EIGHT * (SLIPPED + 2)] -= lag_z - lag_n * nz
-    hold = row[lane + EIGHT * HOLD]
-    row[lane + EIGHT * HOLD] = hold if soft <= row[lane + EIGHT * GIVE] else 0.0
+    row[lane + EIGHT * col.SLIPPED] -= lag_x - lag_n * nx
+    row[lane + EIGHT * (col.SLIPPED + 1)] -= lag_y - lag_n * ny
+    row[lane + EIGHT * (col.SLIPPED + 2)] -= lag_z - lag_n * nz
+    hold = row[lane + EIGHT * col.HOLD]
+    row[lane + EIGHT * col.HOLD] = hold if soft <= row[lane + EIGHT * col.GIVE] else 0.0
 
 
 @batch_kernel
@@ -210,9 +168,13 @@ def _is_open(row):
     """Whether no point of a group is in its tool at its GAP, or feels it, or remembers that it did."""
     felt = 0.0
     for lane in range(EIGHT):
-        inside = -row[lane + EIGHT * GAP] if row[lane + EIGHT * GIVE] > 0.0 else 0.0
-        felt = max(felt, inside, abs(row[lane + EIGHT * STEADY]), row[lane + EIGHT * (STEADY + 1)])
-        fx, fy, fz = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)], row[lane + EIGHT * (FORCE + 2)]
+        inside = -row[lane + EIGHT * col.GAP] if row[lane + EIGHT * col.GIVE] > 0.0 else 0.0
+        felt = max(felt, inside, abs(row[lane + EIGHT * col.STEADY]), row[lane + EIGHT * (col.STEADY + 1)])
+        fx, fy, fz = (
+            row[lane + EIGHT * col.FORCE],
+            row[lane + EIGHT * (col.FORCE + 1)],
+            row[lane + EIGHT * (col.FORCE + 2)],
+        )
         felt = max(felt, abs(fx), abs(fy), abs(fz))
     return felt == 0.0
 
@@ -252,7 +214,6 @@ def project_contacts(model, parameters, contacts, xw, hh):
         forth, slow = twelve(motion, 0, tool), SLOW * parameters.reach[tool]
         newer = lends if tool_kind == PLANE else alone
         reached = steepness(tool_kind) * (way + contacts.travel[tool])
-        normal = rotate(turn, tool_shape[0], tool_shape[1], tool_shape[2])
         for group in range(start[tool], start[tool + 1]):
             if clear[group] > reached:
                 continue
@@ -260,19 +221,14 @@ def project_contacts(model, parameters, contacts, xw, hh):
                 clear[group] = -np.inf
                 before = contacts.before  # no force is carried there, which nodes would follow
                 _begin_group(model, parameters, contacts, before, before, tool, group, np.sqrt(hh))
-            place_group(group, X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
+            place_group(group, col.X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
             row = pairs[group]
-            if rows[group, EDGED]:
-                find_all_gaps(row, rows, group, tool_kind, tool_shape, places, place, turn, forth, slow)
+            find_all_gaps(row, rows, group, tool_kind, tool_shape, places, place, turn, forth, slow)
+            if rows[group, col.EDGED]:
                 if _is_open(row):
                     continue
                 solve_softly(row, forth, hh, alone)
-            elif tool_kind == PLANE:
-                solve_on_plane(row, normal, place, forth, hh, newer)
-            elif faces(tool_kind, tool_shape):
-                solve_on_box(row, tool_shape[0], tool_shape[1], tool_shape[2], place, turn, forth, hh, newer)
             else:
-                find_gaps(row, rows, group, tool_kind, tool_shape, places, place, turn, forth, slow)
                 solve_at_gaps(row, forth, hh, newer)
             move_group(group, rows, indptr, node, weight, parameters.tilt, hh, pairs, xw)
 
@@ -284,25 +240,25 @@ def _begin_group(model, parameters, contacts, xw, a, tool, group, h):
     indptr, node, weight, kind, shape = model.indptr, model.node, parameters.weight, parameters.kind, parameters.shape
     rows, pairs = contacts.rows, contacts.pairs
     place, turn = three(contacts.position[0], tool), four(contacts.orientation[0], tool)
-    if parameters.places[tool] > 0 and rows[group, EDGED]:
+    if parameters.places[tool] > 0 and rows[group, col.EDGED]:
         lean_group(group, model, parameters, h * h, pairs, rows, xw, a)
-    place_group(group, BEFORE, rows, indptr, node, weight, parameters.tilt, xw, pairs)
+    place_group(group, col.BEFORE, rows, indptr, node, weight, parameters.tilt, xw, pairs)
     row = pairs[group]
     if faces(kind[tool], shape[tool]):
         a, b, c = three(shape, tool)
         face_sides(row, a, b, c, place, turn)
-    if rows[group, EDGED]:
+    if rows[group, col.EDGED]:
         for entry in range(3 * EIGHT):
-            row[EIGHT * HELD + entry] = row[EIGHT * FORCE + entry]
-    if rows[group, DEEP]:
-        place_group(group, X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
+            row[EIGHT * col.HELD + entry] = row[EIGHT * col.FORCE + entry]
+    if rows[group, col.DEEP]:
+        place_group(group, col.X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
         find_all_gaps(row, rows, group, kind[tool], shape[tool], parameters.places[tool], place, turn, STILL, np.inf)
         for lane in range(EIGHT):
-            if row[lane + EIGHT * DEPTH] > 0.0:
+            if row[lane + EIGHT * col.DEPTH] > 0.0:
                 old = _pressed(row, lane)
                 old *= _yields(row, lane, old)
-                old += row[lane + EIGHT * GAP]
-                row[lane + EIGHT * ALLOWED] = min(0.0, old) / (1.0 + h / RELEASE)
+                old += row[lane + EIGHT * col.GAP]
+                row[lane + EIGHT * col.ALLOWED] = min(0.0, old) / (1.0 + h / RELEASE)
 
 
 @njit(cache=True, error_model="numpy")
@@ -329,22 +285,22 @@ def let_slide(model, parameters, contacts, xw):
     for tool in range(len(kind)):
         place, turn = three(contacts.position[0], tool), four(contacts.orientation[0], tool)
         for group in range(start[tool], start[tool + 1]):
-            if rows[group, EDGED] == 0:
+            if rows[group, col.EDGED] == 0:
                 continue
-            place_group(group, X, rows, model.indptr, model.node, parameters.weight, parameters.tilt, xw, pairs)
+            place_group(group, col.X, rows, model.indptr, model.node, parameters.weight, parameters.tilt, xw, pairs)
             row = pairs[group]
             find_all_gaps(
                 row, rows, group, kind[tool], shape[tool], parameters.places[tool], place, turn, STILL, np.inf
             )
             for lane in range(EIGHT):
                 p = _pressed(row, lane)
-                square, most = -p * p, AT_BOUND * row[lane + EIGHT * FRICTION] * p
+                square, most = -p * p, AT_BOUND * row[lane + EIGHT * col.FRICTION] * p
                 for c in range(3):
-                    square += row[lane + EIGHT * (FORCE + c)] ** 2
+                    square += row[lane + EIGHT * (col.FORCE + c)] ** 2
                 if p > 0.0 and square >= most * most:
-                    row[lane + EIGHT * FRICTION] = 0.0
+                    row[lane + EIGHT * col.FRICTION] = 0.0
                     for c in range(3):
-                        row[lane + EIGHT * (FORCE + c)] = p * row[lane + EIGHT * (GAP + 1 + c)]
+                        row[lane + EIGHT * (col.FORCE + c)] = p * row[lane + EIGHT * (col.GAP + 1 + c)]
 
 
 @batch_kernel
@@ -352,26 +308,30 @@ def _account_lanes(row, place, share):
     px, py, pz = place
     for lane in range(EIGHT):
         x, y, z = row[lane], row[lane + EIGHT], row[lane + 2 * EIGHT]
-        fx, fy, fz = row[lane + EIGHT * FORCE], row[lane + EIGHT * (FORCE + 1)], row[lane + EIGHT * (FORCE + 2)]
-        wx = x - row[lane + EIGHT * BEFORE]
-        wy = y - row[lane + EIGHT * (BEFORE + 1)]
-        wz = z - row[lane + EIGHT * (BEFORE + 2)]
-        row[lane + EIGHT * WORK] += fx * wx + fy * wy + fz * wz
+        fx, fy, fz = (
+            row[lane + EIGHT * col.FORCE],
+            row[lane + EIGHT * (col.FORCE + 1)],
+            row[lane + EIGHT * (col.FORCE + 2)],
+        )
+        wx = x - row[lane + EIGHT * col.BEFORE]
+        wy = y - row[lane + EIGHT * (col.BEFORE + 1)]
+        wz = z - row[lane + EIGHT * (col.BEFORE + 2)]
+        row[lane + EIGHT * col.WORK] += fx * wx + fy * wy + fz * wz
         touches = fx * fx + fy * fy + fz * fz > 0.0
-        slip = row[lane + EIGHT * SLIP_SINCE] + row[lane + EIGHT * SLIPPED]
-        row[lane + EIGHT * SLIP_SINCE] = slip if touches else 0.0
-        slip = row[lane + EIGHT * (SLIP_SINCE + 1)] + row[lane + EIGHT * (SLIPPED + 1)]
-        row[lane + EIGHT * (SLIP_SINCE + 1)] = slip if touches else 0.0
-        slip = row[lane + EIGHT * (SLIP_SINCE + 2)] + row[lane + EIGHT * (SLIPPED + 2)]
-        row[lane + EIGHT * (SLIP_SINCE + 2)] = slip if touches else 0.0
+        slip = row[lane + EIGHT * col.SLIP_SINCE] + row[lane + EIGHT * col.SLIPPED]
+        row[lane + EIGHT * col.SLIP_SINCE] = slip if touches else 0.0
+        slip = row[lane + EIGHT * (col.SLIP_SINCE + 1)] + row[lane + EIGHT * (col.SLIPPED + 1)]
+        row[lane + EIGHT * (col.SLIP_SINCE + 1)] = slip if touches else 0.0
+        slip = row[lane + EIGHT * (col.SLIP_SINCE + 2)] + row[lane + EIGHT * (col.SLIPPED + 2)]
+        row[lane + EIGHT * (col.SLIP_SINCE + 2)] = slip if touches else 0.0
         x, y, z = x - px, y - py, z - pz
         fx, fy, fz = share * fx, share * fy, share * fz
-        row[lane + EIGHT * MEAN] += fx
-        row[lane + EIGHT * (MEAN + 1)] += fy
-        row[lane + EIGHT * (MEAN + 2)] += fz
-        row[lane + EIGHT * MOMENT] += y * fz - z * fy
-        row[lane + EIGHT * (MOMENT + 1)] += z * fx - x * fz
-        row[lane + EIGHT * (MOMENT + 2)] += x * fy - y * fx
+        row[lane + EIGHT * col.MEAN] += fx
+        row[lane + EIGHT * (col.MEAN + 1)] += fy
+        row[lane + EIGHT * (col.MEAN + 2)] += fz
+        row[lane + EIGHT * col.MOMENT] += y * fz - z * fy
+        row[lane + EIGHT * (col.MOMENT + 1)] += z * fx - x * fz
+        row[lane + EIGHT * (col.MOMENT + 2)] += x * fy - y * fx
 
 
 @njit(cache=True, error_model="numpy")
@@ -384,5 +344,5 @@ def account_pairs(model, parameters, contacts, xw, share):
         for group in range(start[tool], start[tool + 1]):
             if clear[group] > -np.inf:
                 continue
-            place_group(group, X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
+            place_group(group, col.X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
             _account_lanes(pairs[group], place, share)

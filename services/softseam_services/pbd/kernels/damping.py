@@ -28,10 +28,6 @@ from softseam_services.body.materials.point import LINEAR
 from softseam_services.jit import njit
 
 from .block import (
-    N_STRESS,
-    STRESS,
-    VOLUME,
-    WANTED,
     gather,
     hoist,
     load_stress,
@@ -45,6 +41,7 @@ from .block import (
     store_stress,
     write_row,
 )
+from .block_rows import N_STRESS, STRESS, VOLUME, WANTED
 from .lanes import LANES, batch_kernel, lane_kernel, move_four
 from .laws import write_stress
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from softseam_services.jit import njit
 
-from .block import N_STRESS
+from .block_rows import N_STRESS
 from .sweep import block_forces, exact_stress
 
 ITERATIONS = 40

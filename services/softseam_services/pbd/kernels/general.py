@@ -13,14 +13,6 @@ from softseam_services.body.materials import point
 from softseam_services.jit import njit
 
 from .block import (
-    BOUND,
-    ENERGY,
-    RATIO,
-    SOFTNESS,
-    STRESS,
-    VOLUME,
-    WANTED,
-    G,
     answer,
     bending_energy,
     hoist,
@@ -32,6 +24,7 @@ from .block import (
     shape,
     write_row,
 )
+from .block_rows import BOUND, ENERGY, RATIO, SOFTNESS, STRESS, VOLUME, WANTED, G
 from .lanes import LANES, lane_kernel, rare_kernel
 from .memory import follow, remembers, respond, small
 from .neo_hookean import cofactors, stress_row, turned_back

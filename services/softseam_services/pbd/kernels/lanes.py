@@ -118,3 +118,12 @@ def three(x, i):
 def four(q, i):
     """Row i of q (n, 4) as a tuple."""
     return q[i, 0], q[i, 1], q[i, 2], q[i, 3]
+
+
+@njit(cache=True, error_model="numpy")
+def copy_rows(to, source):
+    """to[i, j] <- source[i, j] for all rows and columns of source (n, m); `to` may have more. Without numba's checks of
+    shapes, whose messages compile for seconds."""
+    for i in range(len(source)):
+        for j in range(source.shape[1]):
+            to[i, j] = source[i, j]

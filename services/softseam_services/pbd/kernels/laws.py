@@ -1,11 +1,14 @@
-"""The stress and the energy of the blocks in a workspace, by the material's law."""
+"""Stress and energy by the material's law: of the blocks in a workspace, and of octants and cells for read-out."""
 
 from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
 from softseam_services.jit import njit
 
-from .general import energy_lanes_general, stress_lanes_general
-from .linear import energy_lanes_linear, stress_lanes_linear
-from .neo_hookean import energy_lanes, stress_lanes
+from .block import gather, of_batch
+from .block_rows import ENERGY, VOLUME, WANTED
+from .general import cauchy_lanes_general, energy_lanes_general, stress_lanes_general
+from .lanes import LANES, move_four
+from .linear import cauchy_lanes_linear, energy_lanes_linear, stress_lanes_linear
+from .neo_hookean import cauchy_lanes, energy_lanes, stress_lanes
 
 
 @njit(cache=True, error_model="numpy")
@@ -28,3 +31,44 @@ def write_energy(ws, constants, law):
         energy_lanes_linear(ws, constants)
     else:
         energy_lanes_general(ws, constants, law)
+
+
+@njit(cache=True, error_model="numpy")
+def octant_stress(ws, xw, nodes, octant, constants, law, cauchy):
+    """Stress at the blocks' centres.
+
+    octant  (b, LANES)  8 cell + octant, -1 for padding
+    cauchy  (c, 8, 6)   xx yy zz yz xz xy [Pa], updated in place
+    """
+    for batch in range(len(nodes)):
+        gather(ws, xw, nodes, batch)
+        k = of_batch(constants, batch)
+        if law == NEO_HOOKEAN:
+            cauchy_lanes(ws, k)
+        elif law == LINEAR:
+            cauchy_lanes_linear(ws, k)
+        else:
+            cauchy_lanes_general(ws, k, law)
+        for lane in range(LANES):
+            place = octant[batch, lane]
+            if place >= 0:
+                for entry in range(6):
+                    cauchy[place // 8, place % 8, entry] = ws[LANES * (WANTED + entry) + lane]
+
+
+@njit(cache=True, error_model="numpy")
+def cell_energies(ws, xw, nodes, volume, octant, constants, law, energy):
+    """V (psi(F) + 1/2 q^T K q) of the blocks of each cell.
+
+    volume  (b, LANES)  fill times volume [m^3]
+    octant  (b, LANES)  8 cell + octant, -1 for padding
+    energy  (c,)        [J], updated in place
+    """
+    energy[:] = 0.0
+    for batch in range(len(nodes)):
+        gather(ws, xw, nodes, batch)
+        move_four(ws, LANES * VOLUME, volume, LANES * batch)
+        write_energy(ws, of_batch(constants, batch), law)
+        for lane in range(LANES):
+            if octant[batch, lane] >= 0:
+                energy[octant[batch, lane] // 8] += ws[LANES * ENERGY + lane]

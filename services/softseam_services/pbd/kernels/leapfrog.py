@@ -20,19 +20,8 @@ import numpy as np
 
 from softseam_services.jit import njit
 
-from .block import (
-    VOLUME,
-    WANTED,
-    gather,
-    hoisted,
-    node_softness,
-    of_batch,
-    of_lane,
-    read_row,
-    scatter,
-    spread,
-    store_stress,
-)
+from .block import gather, hoisted, node_softness, of_batch, of_lane, read_row, scatter, spread, store_stress
+from .block_rows import VOLUME, WANTED
 from .hanging import follow
 from .lanes import LANES, lane_kernel, move_four
 from .laws import write_stress

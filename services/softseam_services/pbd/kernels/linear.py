@@ -1,26 +1,7 @@
 """Energy, stress and local solve of the block constraint for small strain; rows as in `block`."""
 
-from .block import (
-    BOUND,
-    ENERGY,
-    LAM,
-    MU,
-    RATIO,
-    SOFTNESS,
-    STRESS,
-    VOLUME,
-    WANTED,
-    G,
-    answer,
-    bending_energy,
-    hoist,
-    hourglass,
-    node_softness,
-    of_lane,
-    residual,
-    shape,
-    write_row,
-)
+from .block import answer, bending_energy, hoist, hourglass, node_softness, of_lane, residual, shape, write_row
+from .block_rows import BOUND, ENERGY, LAM, MU, RATIO, SOFTNESS, STRESS, VOLUME, WANTED, G
 from .lanes import LANES, batch_kernel, lane_kernel
 from .neo_hookean import cofactors
 

@@ -5,7 +5,8 @@ import numpy as np
 from softseam_services.body.materials.point import LINEAR
 from softseam_services.jit import njit
 
-from .block import MU, STRESS, VOLUME, WANTED, gather, hoisted, load_stress, of_batch, of_lane, shape
+from .block import gather, hoisted, load_stress, of_batch, of_lane, shape
+from .block_rows import MU, STRESS, VOLUME, WANTED
 from .lanes import LANES, lane_kernel, move_four
 from .laws import write_stress
 

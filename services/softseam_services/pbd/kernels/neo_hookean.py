@@ -1,32 +1,39 @@
 """Energy, stress and local solve of the block constraint for the neo-Hookean energy; equations are those of `block`."""
 
+import math
+
 import numpy as np
 
 from softseam_services.body.materials.neo_hookean import J_MIN
 
-from .block import (
-    BOUND,
-    ENERGY,
-    LAM,
-    MU,
-    RATIO,
-    SOFTNESS,
-    STRESS,
-    VOLUME,
-    WANTED,
-    G,
-    answer,
-    bending_energy,
-    hoist,
-    hourglass,
-    node_softness,
-    of_lane,
-    residual,
-    shape,
-    write_row,
-)
+from .block import answer, bending_energy, hoist, hourglass, node_softness, of_lane, residual, shape, write_row
+from .block_rows import BOUND, ENERGY, LAM, MU, RATIO, SOFTNESS, STRESS, VOLUME, WANTED, G
 from .lanes import LANES, batch_kernel, lane_kernel
-from .logarithm import logarithm
+
+LN_2 = math.log(2.0)
+ROOT_HALF = 0x3FE6A09E667F3BCD
+"""the bits of sqrt(1/2)"""
+
+
+@lane_kernel
+def logarithm(x):
+    """ln x of a normal positive number to 2 units in the last place, from operations that vectorise.
+
+    The library's is called number by number.
+
+    x = m 2^e with m in sqrt(1/2) .. sqrt(2), s = (m - 1)/(m + 1), ln x = e ln 2 + 2 artanh s, and |s| < 0.172 needs ten
+    terms of artanh s = s + s^3/3 + s^5/5 + ...
+    """
+    bits = np.float64(x).view(np.int64)
+    e = (bits - np.int64(ROOT_HALF)) >> np.int64(52)
+    m = np.int64(bits - (e << np.int64(52))).view(np.float64)
+    s = (m - 1.0) / (m + 1.0)
+    z = s * s
+    y = z * z
+    u = y * y
+    low = z * (1.0 / 3.0) + y * (1.0 / 5.0 + z * (1.0 / 7.0))
+    high = (1.0 / 9.0 + z * (1.0 / 11.0)) + y * (1.0 / 13.0 + z * (1.0 / 15.0)) + u * (1.0 / 17.0 + z * (1.0 / 19.0))
+    return e * LN_2 + (2.0 * s + 2.0 * s * (low + u * high))
 
 
 @lane_kernel

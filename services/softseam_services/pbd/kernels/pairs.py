@@ -59,7 +59,8 @@ NEAR = 4.0
 """how far a patch reaches beside its middle, in margins of contact"""
 EASE = 0.25
 """of what LEAN lacks of NEXT, taken in a substep: all of it turns patches to and fro that are stiffer than blocks"""
-RANKS, NOT_FOUND = 3, 3.0
+RANKS = 3
+NOT_FOUND = float(RANKS)
 """of pairs, see `find_pairs`"""
 
 

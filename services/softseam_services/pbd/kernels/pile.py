@@ -7,8 +7,7 @@ the bit.
 from softseam_services.body.kernels.turning import give_back
 from softseam_services.jit import njit
 
-from .begin import find_slow, give_shape
-from .patch import find_patches
+from .begin import find_patches, find_slow, give_shape
 from .substep import advance_step
 from .summary import summarise_motion
 from .trust import (

@@ -5,9 +5,9 @@ import numpy as np
 from softseam_services.jit import njit
 
 from .contact import begin_pairs, let_slide
-from .copy_rows import copy_rows
 from .damping import damping_share, note_shapes
 from .hold import find_held_blocks
+from .lanes import copy_rows
 from .pairs import find_pairs, place_points
 from .relax import relax
 from .substep import finish, predict

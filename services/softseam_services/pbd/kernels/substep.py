@@ -12,10 +12,10 @@ from softseam_services.tools.kernels import cell_distances
 
 from .block import of_batch
 from .contact import account_pairs, begin_pairs
-from .copy_rows import copy_rows
 from .damping import damping_share, note_shapes
 from .hanging import follow
 from .hold import find_held_blocks
+from .lanes import copy_rows
 from .memory import begun_before, remembers
 from .monitor import batch_residuals, residual
 from .pairs import acting_weight, find_pairs, look_ahead, place_points, store_pairs

@@ -5,24 +5,8 @@ import numpy as np
 from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
 from softseam_services.jit import njit
 
-from .block import (
-    ENERGY,
-    RATIO,
-    SOFTNESS,
-    STRESS,
-    VOLUME,
-    WANTED,
-    gather,
-    hoist,
-    load_stress,
-    new_workspace,
-    of_batch,
-    of_lane,
-    read_row,
-    scatter,
-    spread,
-    store_stress,
-)
+from .block import gather, hoist, load_stress, new_workspace, of_batch, of_lane, read_row, scatter, spread, store_stress
+from .block_rows import ENERGY, RATIO, SOFTNESS, STRESS, VOLUME, WANTED
 from .general import project_lanes_general, remember_lanes
 from .lanes import LANES, move_four
 from .laws import write_energy, write_stress

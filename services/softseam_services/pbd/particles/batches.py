@@ -29,8 +29,6 @@ class Batches:
     """(b, k, WIDTH); empty lanes name the rows after the particles"""
     row: NDArray[np.int64]
     """constraint in each lane, -1 in empty ones (b, WIDTH)"""
-    n_colors: int
-    """most colours of a tile"""
 
     def lanes(self, values: Floats, empty: float = 0.0) -> Floats:
         """Values of the constraints (m, ...) laid out for kernels (b, ..., WIDTH)."""
@@ -72,4 +70,4 @@ def batches(n: int, nodes: Ints, tile: int = TILE) -> Batches:
         np.broadcast_to(n + np.arange(WIDTH), (k, n_batches, WIDTH)).copy() if m else np.zeros((k, 0, WIDTH), np.int64)
     )
     ids[:, row >= 0] = nodes[row[row >= 0]].T
-    return Batches(np.ascontiguousarray(ids.transpose(1, 0, 2), dtype=np.int32), row, int(color.max()) + 1 if m else 0)
+    return Batches(np.ascontiguousarray(ids.transpose(1, 0, 2), dtype=np.int32), row)

@@ -10,7 +10,7 @@ import numpy as np
 from softseam_protocol.scene.models import PbdSpec
 from softseam_services.body.body import Ints
 from softseam_services.body.particles import CLASSIC, ParticleBody
-from softseam_services.pbd.structures import Structures, key_of
+from softseam_services.structures import Structures, key_of
 
 from .batches import Batches, batches
 from .records import ModelArrays

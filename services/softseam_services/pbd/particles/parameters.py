@@ -2,21 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from softseam_protocol.scene.models import PbdSpec
 from softseam_protocol.scene.particles import ConstraintSpec
-from softseam_services.body.body import Floats
+from softseam_services.body.body import Floats, Ints
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.particles import ParticleBody
 from softseam_services.tools.tool_set import ToolSet
 
+from .batches import Batches, batches
 from .constraints import Joined, build_constraints
+from .kernels.tetrahedron import rest_shapes
 from .model import ParticleModel, lay_out
 from .records import ParameterArrays
-from .tetrahedra import build_tetrahedra
 
 SLACK = 0.005
 """strain of a body that hangs by its edge from sweeps that are not finished, which the automatic substeps allow"""
@@ -33,53 +33,20 @@ MARGIN = 0.8
 
 @dataclass(frozen=True)
 class ParticleParameters:
-    """n particles, laid out as the batches of the structure are; 8 lanes."""
+    """Of a body of n particles."""
 
     body: ParticleBody
     tools: ToolSet
     spec: PbdSpec
-    weight: Floats
-    """inverse masses, 0 for clamped particles (n,) [1/kg]"""
-    spring_rest: Floats
-    """(b, 8) [m]; 1 in empty lanes"""
-    spring_compliance: Floats
-    """(b, 8) [m/N]"""
-    bend_coefficient: Floats
-    """(c, 4, 8)"""
-    bend_compliance: Floats
-    """(c, 8) [m/N]"""
-    strain_inverse: Floats
-    """D_m^-1 of tetrahedra held by strains (d, 9, 8) [1/m]"""
-    strain_compliance: Floats
-    """of stretches, shears and the trace (d, 3, 8) [1/J]"""
-    pair_inverse: Floats
-    """D_m^-1 of tetrahedra held by neo-Hookean pairs (e, 9, 8) [1/m]"""
-    pair_compliance: Floats
-    """of C_D and C_H (e, 2, 8) [1/J]"""
-    pair_gamma: Floats
-    """(e, 8) [1]"""
-    volume_rest: Floats
-    """of tetrahedra in classic PBD (f, 8) [m^3]; 1 in empty lanes"""
     joined: Joined
     """by constraints that the scene adds: whom these join may depend on numbers"""
+    arrays: ParameterArrays
+    """for the kernels"""
 
     @property
     def classic(self) -> bool:
         """Whether stiffnesses are classic PBD's shares."""
         return self.spec.method == "pbd"
-
-    def shares(self) -> tuple[float, float, float]:
-        """Stiffness of a projection of springs, of bends and of volumes in classic PBD; 0 for XPBD.
-
-        Independent of the number n of sweeps, as far as sweeps are linear: k' = 1 - (1 - k)^(1/n) (Mueller,
-        Heidelberger, Hennix and Ratcliff, Position based dynamics, 2007, section 3.3).
-        """
-        if not self.classic:
-            return 0.0, 0.0, 0.0
-        given = self.spec.classic
-        n = self.spec.sweeps if given.per_substep else 1
-        stretch, bending, volume = (1.0 - (1.0 - k) ** (1.0 / n) for k in (given.stretch, given.bending, given.volume))
-        return stretch, bending, volume
 
     def substeps(self, dt: float) -> int:
         """The scene's number, or so many that unfinished sweeps let a hanging body stretch by no more than `SLACK`.
@@ -99,46 +66,19 @@ class ParticleParameters:
         h = np.sqrt(SLACK * body.spacing / (2.0 * count * max(gravity, 1e-12))) * np.sqrt(self.spec.sweeps)
         return max(FEWEST, int(np.ceil(dt / h - 1e-9)))
 
-    @cached_property
-    def arrays(self) -> ParameterArrays:
-        """The same for kernels."""
-        body, tools, joined = self.body, self.tools, self.joined
-        stretch, bending, volume = self.shares()
-        return ParameterArrays(
-            x_rest=body.x_rest,
-            mass=body.mass,
-            weight=self.weight,
-            gravity=body.gravity,
-            drag=float(body.damping),
-            spring_rest=self.spring_rest,
-            spring_compliance=self.spring_compliance,
-            stretch_share=float(stretch),
-            bend_coefficient=self.bend_coefficient,
-            bend_compliance=self.bend_compliance,
-            bending_share=float(bending),
-            strain_inverse=self.strain_inverse,
-            strain_compliance=self.strain_compliance,
-            pair_inverse=self.pair_inverse,
-            pair_compliance=self.pair_compliance,
-            pair_gamma=self.pair_gamma,
-            volume_rest=self.volume_rest,
-            volume_share=float(volume),
-            families=joined.families,
-            particle=joined.particle,
-            parameter=joined.parameter,
-            compliance=joined.compliance,
-            kind=tools.kind,
-            shape=tools.shape,
-            reach=tools.reach,
-            friction=tools.friction,
-            friction_factor=body.friction_field.factor(body.x_rest),
-            radius=float(body.radius),
-            restitution=float(body.restitution),
-            apart=APART * float(body.spacing) if body.self_contact else 0.0,
-            self_friction=float(body.self_friction),
-            margin=MARGIN * float(body.spacing),
-            hold=float(body.radius + body.spacing),
-        )
+
+def projection_shares(spec: PbdSpec) -> tuple[float, float, float]:
+    """Stiffness of a projection of springs, of bends and of volumes in classic PBD; 0 for XPBD.
+
+    Independent of the number n of sweeps, as far as sweeps are linear: k' = 1 - (1 - k)^(1/n) (Mueller, Heidelberger,
+    Hennix and Ratcliff, Position based dynamics, 2007, section 3.3).
+    """
+    if spec.method != "pbd":
+        return 0.0, 0.0, 0.0
+    given = spec.classic
+    n = spec.sweeps if given.per_substep else 1
+    stretch, bending, volume = (1.0 - (1.0 - k) ** (1.0 / n) for k in (given.stretch, given.bending, given.volume))
+    return stretch, bending, volume
 
 
 def build_parameters(
@@ -150,21 +90,78 @@ def build_parameters(
     strains = build_tetrahedra(body.x_rest, layout.tetrahedra, model.tetrahedra)
     pairs = build_tetrahedra(body.x_rest, layout.paired, model.paired)
     elastic = ElasticConstants(1.0, 1.0) if body.solid is None else body.solid.elastic
-    pair_compliance, pair_gamma = pairs.pair(elastic, 1.0)
-    return ParticleParameters(
-        body=body,
-        tools=tools,
-        spec=spec,
+    pair_compliance, pair_gamma = pairs.pair(elastic)
+    stretch, bending, volume = projection_shares(spec)
+    joined = build_constraints(body, constraints)
+    arrays = ParameterArrays(
+        x_rest=body.x_rest,
+        mass=body.mass,
         weight=np.where(body.fixed, 0.0, 1.0 / body.mass),
+        gravity=body.gravity,
+        drag=float(body.damping),
         spring_rest=model.springs.lanes(body.springs.rest, 1.0),
         spring_compliance=model.springs.lanes(1.0 / body.springs.stiffness, 1.0),
+        stretch_share=float(stretch),
         bend_coefficient=model.bends.lanes(body.bends.coefficient[:m]),
         bend_compliance=model.bends.lanes(1.0 / body.bends.stiffness[:m], 1.0),
+        bending_share=float(bending),
         strain_inverse=strains.inverse,
-        strain_compliance=strains.strains(elastic, 1.0),
+        strain_compliance=strains.strains(elastic),
         pair_inverse=pairs.inverse,
         pair_compliance=pair_compliance,
         pair_gamma=pair_gamma,
         volume_rest=model.volumes.lanes(build_tetrahedra(body.x_rest, layout.volumes, model.volumes).volume, 1.0),
-        joined=build_constraints(body, constraints),
+        volume_share=float(volume),
+        families=joined.families,
+        particle=joined.particle,
+        parameter=joined.parameter,
+        compliance=joined.compliance,
+        kind=tools.kind,
+        shape=tools.shape,
+        reach=tools.reach,
+        friction=tools.friction,
+        friction_factor=body.friction_field.factor(body.x_rest),
+        radius=float(body.radius),
+        restitution=float(body.restitution),
+        apart=APART * float(body.spacing) if body.self_contact else 0.0,
+        self_friction=float(body.self_friction),
+        margin=MARGIN * float(body.spacing),
+        hold=float(body.radius + body.spacing),
     )
+    return ParticleParameters(body=body, tools=tools, spec=spec, joined=joined, arrays=arrays)
+
+
+@dataclass(frozen=True)
+class Tetrahedra:
+    """m tetrahedra in b batches, ready for the kernels `neo_hookean` and `strain`."""
+
+    batches: Batches
+    volume: Floats
+    """at rest (m,) [m^3]"""
+    inverse: Floats
+    """D_m^-1, row by row (b, 9, 8) [1/m]"""
+
+    def pair(self, elastic: ElasticConstants) -> tuple[Floats, Floats]:
+        """Compliances of the neo-Hookean pair (b, 2, 8) [1/J], and gamma (b, 8)."""
+        bulk = elastic.lambda_ + elastic.mu
+        alpha = np.stack([1.0 / (elastic.mu * self.volume), 1.0 / (bulk * self.volume)], axis=1)
+        gamma = np.full(len(self.volume), 1.0 + elastic.mu / bulk)
+        return self.batches.lanes(alpha), self.batches.lanes(gamma)
+
+    def strains(self, elastic: ElasticConstants) -> Floats:
+        """Compliances of stretches, shears and the trace (b, 3, 8) [1/J]; lambda must be positive."""
+        moduli = np.array([2.0 * elastic.mu, elastic.mu, elastic.lambda_])
+        return self.batches.lanes(1.0 / (self.volume[:, None] * moduli))
+
+
+def build_tetrahedra(x_rest: Floats, nodes: Ints, laid_out: Batches | None = None) -> Tetrahedra:
+    """From rest positions (n, 3) and corners (m, 4), in batches where these are known. Raises ValueError where a
+    tetrahedron is flat or inside out."""
+    nodes = np.ascontiguousarray(nodes, dtype=np.int32)
+    inverse, volume = np.empty((len(nodes), 3, 3)), np.empty(len(nodes))
+    rest_shapes(x_rest, nodes, inverse, volume)
+    bad = np.flatnonzero(~(volume > 0.0))
+    if len(bad):
+        raise ValueError(f"tetrahedron {bad[0]} has the volume {volume[bad[0]]:.3g} m^3: order its corners outwards")
+    made = batches(len(x_rest), nodes) if laid_out is None else laid_out
+    return Tetrahedra(made, volume, made.lanes(inverse.reshape(-1, 9)))

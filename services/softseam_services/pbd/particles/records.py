@@ -37,27 +37,38 @@ class ModelArrays(NamedTuple):
 
 @record
 class ParameterArrays(NamedTuple):
-    """Numbers, as of `ParticleParameters`."""
+    """Numbers of n particles, of constraints laid out as the batches of the structure are; 8 lanes."""
 
     x_rest: Floats
     mass: Floats
     weight: Floats
+    """inverse masses, 0 for clamped particles (n,) [1/kg]"""
     gravity: Floats
     drag: float
     """[1/s]"""
     spring_rest: Floats
+    """(b, 8) [m]; 1 in empty lanes"""
     spring_compliance: Floats
+    """(b, 8) [m/N]"""
     stretch_share: float
     """stiffness of classic PBD, 0 for XPBD, as is that of bends [1]"""
     bend_coefficient: Floats
+    """(c, 4, 8)"""
     bend_compliance: Floats
+    """(c, 8) [m/N]"""
     bending_share: float
     strain_inverse: Floats
+    """D_m^-1 of tetrahedra held by strains (d, 9, 8) [1/m]"""
     strain_compliance: Floats
+    """of stretches, shears and the trace (d, 3, 8) [1/J]"""
     pair_inverse: Floats
+    """D_m^-1 of tetrahedra held by neo-Hookean pairs (e, 9, 8) [1/m]"""
     pair_compliance: Floats
+    """of C_D and C_H (e, 2, 8) [1/J]"""
     pair_gamma: Floats
+    """(e, 8) [1]"""
     volume_rest: Floats
+    """of tetrahedra in classic PBD (f, 8) [m^3]; 1 in empty lanes"""
     volume_share: float
     """stiffness of classic PBD's volumes [1]"""
     # constraints that the scene adds, as of `constraints.Joined`
@@ -169,9 +180,6 @@ class Scratch(NamedTuple):
     """their velocities before a substep"""
     force: Floats
     """of constraints on them (n + 8, 3) [N]"""
-    holding_springs: Longs
-    """batches with a held particle"""
-    holding_bends: Longs
     spring_work: Floats
     bend_work: Floats
     pair_work: Floats
@@ -207,8 +215,6 @@ def new_scratch(model: ModelArrays, parameters: ParameterArrays, most: tuple[int
         ids=np.zeros(n, dtype=np.int64),
         v_prev=np.zeros((n, 3)),
         force=np.zeros((n + 8, 3)),
-        holding_springs=np.zeros(len(model.springs), dtype=np.int64),
-        holding_bends=np.zeros(len(model.bends), dtype=np.int64),
         spring_work=aligned(distance.N_WORK),
         bend_work=aligned(bending.N_WORK),
         pair_work=aligned(neo_hookean.N_WORK),
@@ -252,3 +258,56 @@ def new_contacts(n: int, t: int, layers: bool) -> Contacts:
         first=np.zeros(PAIRS * m, dtype=np.int32),
         second=np.zeros(PAIRS * m, dtype=np.int32),
     )
+
+
+MAGIC = b"softseam particles 1\n"
+
+
+@record
+class ParticleState(NamedTuple):
+    """n particles, t tools; all fields are views of `buffer`, updated in place by the step."""
+
+    buffer: Floats
+    x: Floats
+    """positions (n, 3) [m]"""
+    v: Floats
+    """velocities (n, 3) [m/s]"""
+    held: Floats
+    """tool that holds each particle, -1 for none (n,)"""
+    local: Floats
+    """place of held particles in their tool's frame (n, 3) [m]"""
+    grips: Floats
+    """1 for tools that grip (t,)"""
+    strain: Floats
+    """strain energy [J] (1,)"""
+    slip: Floats
+    """of a solid: how far each particle that touches a tool slid along it since it began to (n, t, 3), else none [m]"""
+
+
+def new_state(n: int, t: int, solid: bool) -> ParticleState:
+    """A zero state for n particles, of a solid or not, and t tools."""
+    shapes = ((n, 3), (n, 3), (n,), (n, 3), (t,), (1,), (n if solid else 0, t, 3))
+    sizes = [int(np.prod(shape)) for shape in shapes]
+    buffer = np.zeros(sum(sizes))
+    ends = np.cumsum(sizes)
+    views = [buffer[end - size : end].reshape(shape) for end, size, shape in zip(ends, sizes, shapes, strict=True)]
+    return ParticleState(buffer, *views)
+
+
+def encode_state(state: ParticleState) -> bytes:
+    """Magic line, count of float64 as 8 bytes little-endian, the values little-endian."""
+    return MAGIC + len(state.buffer).to_bytes(8, "little") + state.buffer.astype("<f8", copy=False).tobytes()
+
+
+def decode_state(data: bytes, state: ParticleState) -> None:
+    """Overwrite `state` by a snapshot. Raises ValueError where it is not one of this body."""
+    head = len(MAGIC) + 8
+    if data[: len(MAGIC)] != MAGIC or len(data) < head:
+        raise ValueError("this is not a snapshot of a sheet or rope: restore the bytes that `snapshot` returned")
+    count = int.from_bytes(data[len(MAGIC) : head], "little")
+    if count != len(state.buffer) or len(data) != head + 8 * count:
+        raise ValueError(
+            f"the snapshot holds {count} numbers in {len(data)} bytes, this body needs {len(state.buffer)}: "
+            "configure the body that the snapshot was taken from"
+        )
+    state.buffer[:] = np.frombuffer(data, dtype="<f8", offset=head)

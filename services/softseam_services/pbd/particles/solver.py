@@ -26,7 +26,7 @@ from .constraints import constraints_of
 from .kernels import summary as k
 from .model import ParticleModel, build_model
 from .parameters import build_parameters
-from .state import decode_state, encode_state, new_state
+from .records import decode_state, encode_state, new_state
 from .step import Fault, StepScratch, advance, measure, stay, step
 
 
@@ -117,7 +117,7 @@ class ParticleSolver:
                 Figure.ITERATIONS: float(taken.sweeps),
                 **self._measures(),
             },
-            why="" if fault is Fault.NONE else wrong or fault.value,
+            why="" if fault is Fault.NONE else wrong or fault.text,
             alarms={Detail.INSIDE_OUT: alarm} if alarm else {},
         )
 
@@ -151,7 +151,7 @@ class ParticleSolver:
     def _measure(self, x: Floats) -> None:
         """How well constraints are met with particles at x (n, 3) [m]."""
         xw, n = self._scratch.arrays.xw, len(x)
-        xw[:n, :3], xw[:n, 3] = x, self.parameters.weight
+        xw[:n, :3], xw[:n, 3] = x, self.parameters.arrays.weight
         measure(self.model, self.parameters, self._scratch)
 
     def correct(self, request: Correct) -> Advanced:

@@ -18,30 +18,22 @@ from .kernels.grip import take_hold
 from .kernels.substep import CROWDED, TOOL_WORK, advance_step
 from .model import ParticleModel
 from .parameters import ParticleParameters
-from .records import new_inputs, new_outputs, new_scratch
-from .state import ParticleState, new_state
+from .records import ParticleState, new_inputs, new_outputs, new_scratch, new_state
 
 
 class Fault(Enum):
-    """Outcome of a step; the text names the remedy."""
+    """Outcome of a step, in words that name the remedy, and in one."""
 
-    NONE = "converged"
-    INPUT = "the request cannot be served"
-    DIVERGED = "the particles diverged: take a shorter step or more substeps"
-    CROWDED = "more layers touch than are followed: some may cross; use fewer divisions or a smaller thickness"
+    NONE = "converged", Status.CONVERGED
+    INPUT = "the request cannot be served", Status.REFUSED
+    DIVERGED = "the particles diverged: take a shorter step or more substeps", Status.DIVERGED
+    CROWDED = (
+        "more layers touch than are followed: some may cross; use fewer divisions or a smaller thickness",
+        Status.DOUBTFUL,
+    )
 
-    @property
-    def status(self) -> Status:
-        """The same in a word."""
-        return _STATUS[self]
-
-
-_STATUS = {
-    Fault.NONE: Status.CONVERGED,
-    Fault.INPUT: Status.REFUSED,
-    Fault.DIVERGED: Status.DIVERGED,
-    Fault.CROWDED: Status.DOUBTFUL,
-}
+    def __init__(self, text: str, status: Status) -> None:
+        self.text, self.status = text, status
 
 
 class StepResult(NamedTuple):
@@ -90,7 +82,7 @@ class StepScratch:
 
 def _free_to_turn(parameters: ParticleParameters) -> Turning | None:
     """What gives a rotation back; None of a body that is clamped."""
-    return None if (parameters.weight == 0.0).any() else Turning(parameters.body.mass)
+    return None if (parameters.arrays.weight == 0.0).any() else Turning(parameters.body.mass)
 
 
 def step(

@@ -1,21 +1,10 @@
 """Blocks of a group, one after the other, each of all lanes."""
 
-from softseam_services.pbd.batch.layout import (
-    N_OF_BLOCK,
-    N_OF_NODE,
-    SOFT,
-    SOFTNESS,
-    X,
-)
+from softseam_services.pbd.batch.layout import N_OF_BLOCK, N_OF_NODE, SOFT, SOFTNESS, X
 from softseam_services.pbd.kernels.form import FORM
 from softseam_services.pbd.kernels.lanes import LANES, batch_kernel
 
-from .lane import (
-    first_of,
-    largest_of_eight,
-    solve_block,
-    spread_stress,
-)
+from .lane import first_of, largest_of_eight, solve_block, spread_stress
 from .rows import load_block, move, store_block
 
 N_ROWS_OF_BLOCK = FORM + 30

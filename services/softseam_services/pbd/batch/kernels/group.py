@@ -1,44 +1,15 @@
 """A step of one group of pieces, all its lanes together, on a processor."""
 
-from softseam_services.pbd.batch.layout import (
-    CONSTANTS,
-    FORCE,
-    LEAST_J,
-    MEAN,
-    MIDDLE,
-    N_OF_BLOCK,
-    N_OF_NODE,
-    N_OF_PAIR,
-    N_OUT,
-    N_OUT_OF_TOOL,
-    SINCE,
-    SLIP,
-    SOFT,
-    SOFTNESS,
-    STRAIN,
-    STRESS2,
-    VOLUME,
-    WEIGHTS,
-    A,
-    W,
-    X,
-)
-from softseam_services.pbd.kernels.block import VOLUME as BLOCK_VOLUME
-from softseam_services.pbd.kernels.block import WANTED
+from softseam_services.pbd.batch import layout as lay
+from softseam_services.pbd.kernels.block_rows import VOLUME as BLOCK_VOLUME
+from softseam_services.pbd.kernels.block_rows import WANTED
 from softseam_services.pbd.kernels.form import FORM
 from softseam_services.pbd.kernels.lanes import LANES, batch_kernel
 from softseam_services.shapes.branches import BOX
 
 from .blocks import N_ROWS_OF_BLOCK, find_held, soften_blocks, spread_stresses, sweep_blocks
 from .contacts import N_ROWS_OF_PAIR, account, begin_contacts, find_near, solve_contacts
-from .lane import (
-    WIDE,
-    finish_node,
-    first_of,
-    largest_of_eight,
-    look_at_block,
-    predict_node,
-)
+from .lane import WIDE, finish_node, first_of, largest_of_eight, look_at_block, predict_node
 from .rows import load_block, load_rows, store_block, store_rows
 
 __all__ = ["N_ROWS_OF_BLOCK", "N_ROWS_OF_PAIR", "advance_groups"]
@@ -49,39 +20,39 @@ def carry(s, ws, layout, nodes, n, points, n_tools):
     """Accelerations by the blocks' stress and the contacts' forces, once a step: `kernels.substep.carried`."""
     at_nodes, at_blocks, at_pairs = layout.nodes, layout.blocks, layout.pairs
     for i in range(n):
-        node = first_of(at_nodes + N_OF_NODE * i)
+        node = first_of(at_nodes + lay.N_OF_NODE * i)
         for lane in range(WIDE):
             for c in range(3):
-                s[node + WIDE * (A + c) + lane] = 0.0
-            s[node + WIDE * SOFT + lane] = 8.0 * s[node + WIDE * W + lane]
+                s[node + WIDE * (lay.A + c) + lane] = 0.0
+            s[node + WIDE * lay.SOFT + lane] = 8.0 * s[node + WIDE * lay.W + lane]
     for block in range(len(nodes)):
-        at = at_blocks + N_OF_BLOCK * block
-        load_rows(ws, 0, s, at + WEIGHTS, 8)
+        at = at_blocks + lay.N_OF_BLOCK * block
+        load_rows(ws, 0, s, at + lay.WEIGHTS, 8)
         for lane in range(LANES):
             ws[lane + LANES * WANTED] = 8.0 * largest_of_eight(ws, lane)
-        store_rows(ws, WANTED, s, at + SOFTNESS, 1)
-        load_block(ws, s, nodes, block, at_nodes, A)
+        store_rows(ws, WANTED, s, at + lay.SOFTNESS, 1)
+        load_block(ws, s, nodes, block, at_nodes, lay.A)
         spread_stresses(ws, s, at)
-        store_block(ws, s, nodes, block, at_nodes, A)
+        store_block(ws, s, nodes, block, at_nodes, lay.A)
     for point in range(len(points)):
-        node = first_of(at_nodes + N_OF_NODE * points[point])
+        node = first_of(at_nodes + lay.N_OF_NODE * points[point])
         for tool in range(n_tools):
-            pair = first_of(at_pairs + N_OF_PAIR * (n_tools * point + tool))
+            pair = first_of(at_pairs + lay.N_OF_PAIR * (n_tools * point + tool))
             for c in range(3):
                 for lane in range(WIDE):
-                    s[node + WIDE * (A + c) + lane] += s[pair + WIDE * (FORCE + c) + lane]
+                    s[node + WIDE * (lay.A + c) + lane] += s[pair + WIDE * (lay.FORCE + c) + lane]
     for i in range(n):
-        node = first_of(at_nodes + N_OF_NODE * i)
+        node = first_of(at_nodes + lay.N_OF_NODE * i)
         for lane in range(WIDE):
             for c in range(3):
-                s[node + WIDE * (A + c) + lane] *= s[node + WIDE * W + lane]
+                s[node + WIDE * (lay.A + c) + lane] *= s[node + WIDE * lay.W + lane]
 
 
 @batch_kernel
 def predict(s, layout, n, push, keep, h):
     """`predict_node` of all nodes."""
     for i in range(n):
-        node = first_of(layout.nodes + N_OF_NODE * i)
+        node = first_of(layout.nodes + lay.N_OF_NODE * i)
         for lane in range(WIDE):
             predict_node(s, node + lane, push, keep, h)
 
@@ -90,7 +61,7 @@ def predict(s, layout, n, push, keep, h):
 def finish(s, layout, n, per_h):
     """`finish_node` of all nodes."""
     for i in range(n):
-        node = first_of(layout.nodes + N_OF_NODE * i)
+        node = first_of(layout.nodes + lay.N_OF_NODE * i)
         for lane in range(WIDE):
             finish_node(s, node + lane, per_h)
 
@@ -99,7 +70,7 @@ def finish(s, layout, n, per_h):
 def summarise(s, ws, layout, nodes, n, points, kind, active):
     """What comes out of a step."""
     n_tools, out = len(kind), first_of(layout.out)
-    for entry in range(N_OUT + N_OUT_OF_TOOL * n_tools):
+    for entry in range(lay.N_OUT + lay.N_OUT_OF_TOOL * n_tools):
         for lane in range(WIDE):
             s[out + WIDE * entry + lane] = 0.0
     for lane in range(LANES):
@@ -107,7 +78,7 @@ def summarise(s, ws, layout, nodes, n, points, kind, active):
         for entry in range(3, 7):
             ws[lane + LANES * (WANTED + entry)] = 0.0
     for i in range(n):
-        load_rows(ws, 0, s, layout.nodes + N_OF_NODE * i + X, 4)
+        load_rows(ws, 0, s, layout.nodes + lay.N_OF_NODE * i + lay.X, 4)
         for lane in range(LANES):
             w = ws[lane + 3 * LANES]
             mass = 1.0 / w if w > 0.0 else 0.0
@@ -116,7 +87,7 @@ def summarise(s, ws, layout, nodes, n, points, kind, active):
             ws[lane + LANES * (WANTED + 5)] += mass * ws[lane + LANES]
             ws[lane + LANES * (WANTED + 6)] += mass * ws[lane + 2 * LANES]
     for block in range(len(nodes)):
-        load_block(ws, s, nodes, block, layout.nodes, X)
+        load_block(ws, s, nodes, block, layout.nodes, lay.X)
         for lane in range(LANES):
             square, energy, J = look_at_block(ws, lane)
             ws[lane + LANES * WANTED] = max(ws[lane + LANES * WANTED], square)
@@ -125,25 +96,25 @@ def summarise(s, ws, layout, nodes, n, points, kind, active):
     for lane in range(LANES):
         for entry in range(3):
             ws[lane + LANES * (WANTED + 4 + entry)] /= ws[lane + LANES * (WANTED + 3)]
-    store_rows(ws, WANTED + 4, s, layout.out + MIDDLE, 3)
-    store_rows(ws, WANTED, s, layout.out + STRESS2, 1)
-    store_rows(ws, WANTED + 1, s, layout.out + STRAIN, 1)
-    store_rows(ws, WANTED + 2, s, layout.out + LEAST_J, 1)
+    store_rows(ws, WANTED + 4, s, layout.out + lay.MIDDLE, 3)
+    store_rows(ws, WANTED, s, layout.out + lay.STRESS2, 1)
+    store_rows(ws, WANTED + 1, s, layout.out + lay.STRAIN, 1)
+    store_rows(ws, WANTED + 2, s, layout.out + lay.LEAST_J, 1)
     for tool in range(n_tools):
-        of_tool = out + WIDE * (N_OUT + N_OUT_OF_TOOL * tool)
+        of_tool = out + WIDE * (lay.N_OUT + lay.N_OUT_OF_TOOL * tool)
         for number in range(1, active[tool, 0] + 1):
-            pair = first_of(layout.pairs + N_OF_PAIR * (n_tools * active[tool, number] + tool))
+            pair = first_of(layout.pairs + lay.N_OF_PAIR * (n_tools * active[tool, number] + tool))
             for lane in range(WIDE):
-                x, y = s[pair + WIDE * MEAN + lane], s[pair + WIDE * (MEAN + 1) + lane]
-                z = s[pair + WIDE * (MEAN + 2) + lane]
+                x, y = s[pair + WIDE * lay.MEAN + lane], s[pair + WIDE * (lay.MEAN + 1) + lane]
+                z = s[pair + WIDE * (lay.MEAN + 2) + lane]
                 s[of_tool + lane] -= x
                 s[of_tool + WIDE + lane] -= y
                 s[of_tool + 2 * WIDE + lane] -= z
                 s[of_tool + 3 * WIDE + lane] += 1.0 if x * x + y * y + z * z > 0.0 else 0.0
                 if kind[tool] == BOX:
-                    x, y = s[pair + WIDE * SINCE + lane], s[pair + WIDE * (SINCE + 1) + lane]
-                    z = s[pair + WIDE * (SINCE + 2) + lane]
-                    s[out + WIDE * SLIP + lane] = max(s[out + WIDE * SLIP + lane], x * x + y * y + z * z)
+                    x, y = s[pair + WIDE * lay.SINCE + lane], s[pair + WIDE * (lay.SINCE + 1) + lane]
+                    z = s[pair + WIDE * (lay.SINCE + 2) + lane]
+                    s[out + WIDE * lay.SLIP + lane] = max(s[out + WIDE * lay.SLIP + lane], x * x + y * y + z * z)
 
 
 @batch_kernel
@@ -161,8 +132,8 @@ def advance_groups(state, first, end, ws, row, layout, nodes, n, points, kind, s
     push = gravity[0], gravity[1], gravity[2]
     for group in range(first, end):
         s = state[group]
-        load_rows(ws, FORM, s, CONSTANTS, 30)
-        load_rows(ws, BLOCK_VOLUME, s, VOLUME, 1)
+        load_rows(ws, FORM, s, lay.CONSTANTS, 30)
+        load_rows(ws, BLOCK_VOLUME, s, lay.VOLUME, 1)
         carry(s, ws, layout, nodes, n, points, n_tools)
         find_near(s, row, layout, n, points, kind, shape, hh, now.step, now.margin, active)
         find_held(nodes, points, active, held)

@@ -7,8 +7,9 @@ of a pair, as in `kernels.pairs`, from N_COLUMNS on its tool. `s` is a group, it
 import numpy as np
 
 from softseam_services.pbd.batch.layout import OLD, POSITION, SOFTNESS, STAR, TURN, WAY, WEIGHTS, A, V, W, X
-from softseam_services.pbd.kernels.block import LAM, MU, bending_energy, read_row, shape, spread
-from softseam_services.pbd.kernels.block import VOLUME as BLOCK_VOLUME
+from softseam_services.pbd.kernels.block import bending_energy, read_row, shape, spread
+from softseam_services.pbd.kernels.block_rows import LAM, MU
+from softseam_services.pbd.kernels.block_rows import VOLUME as BLOCK_VOLUME
 from softseam_services.pbd.kernels.contact import MEMORY, _solve
 from softseam_services.pbd.kernels.faced import face_side, faced_gap
 from softseam_services.pbd.kernels.form import FORM

@@ -1,14 +1,9 @@
 """Rows of a group into those of a workspace, and back."""
 
-from softseam_services.pbd.batch.layout import (
-    N_OF_NODE,
-)
+from softseam_services.pbd.batch.layout import N_OF_NODE
 from softseam_services.pbd.kernels.lanes import LANES, batch_kernel, move_four
 
-from .lane import (
-    WIDE,
-    first_of,
-)
+from .lane import WIDE, first_of
 
 move = move_four
 

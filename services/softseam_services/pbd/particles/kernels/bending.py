@@ -2,12 +2,11 @@
 
 With energy 1/2 k |C|^2 the compliance is alpha = 1/k [m/N]. The three components share one denominator, so they are
 solved at once. Quadratic in x: nothing is divided by a length or an angle, so a flat hinge, an empty one and a folded
-one are alike (Bergou et al. 2006; the coefficients of a hinge of two triangles are in `hinge_coefficients`).
+one are alike (Bergou et al. 2006).
 """
 
 import numpy as np
 
-from softseam_services.jit import njit
 from softseam_services.pbd.kernels.lanes import batch_kernel, move_four
 
 from .corners import CORNER as NODE
@@ -16,39 +15,6 @@ from .corners import gather_corner, scatter_corner
 WIDTH = 8
 COEFFICIENT, INVERSE, SOFT, LAMBDA = 4 * NODE, 4 * NODE + 32, 4 * NODE + 40, 4 * NODE + 48
 N_WORK = 4 * NODE + 72
-
-
-@njit(cache=True, error_model="numpy")
-def hinge_coefficients(x, coefficient):
-    """c of the hinge of triangles (0, 1, 2) and (0, 3, 1) at rest x (4, 3); returns 1/(A_1 + A_2) [1/m^2].
-
-    c = (cot_03 + cot_04, cot_01 + cot_02, -cot_01 - cot_03, -cot_02 - cot_04), with cot at particles 0 and 1 (Bergou et
-    al. 2006): sum c_i x_i is the curvature vector integrated over the hinge. The energy D/2 |sum c_i
-    x_i|^2/(A_1 + A_2) makes a mesh of equilateral triangles bend as a plate of stiffness D in every direction, like
-    the hinges of Seung and Nelson (1988). Bergou's factor 3/(A_1 + A_2) is three times as stiff there: it would be
-    right if the three edges of a triangle bore equal parts of the curvature.
-    """
-    cot = np.empty((2, 2))
-    area = 0.0
-    for end in range(2):
-        for side in range(2):
-            along, across = np.empty(3), np.empty(3)
-            for axis in range(3):
-                along[axis] = x[1 - end, axis] - x[end, axis]
-                across[axis] = x[2 + side, axis] - x[end, axis]
-            square = 0.0
-            for axis in range(3):
-                p, q = (axis + 1) % 3, (axis + 2) % 3
-                square += (along[p] * across[q] - along[q] * across[p]) ** 2
-            twice = np.sqrt(square)
-            cot[end, side] = (along[0] * across[0] + along[1] * across[1] + along[2] * across[2]) / twice
-            if end == 0:
-                area += 0.5 * twice
-    coefficient[0] = cot[1, 0] + cot[1, 1]
-    coefficient[1] = cot[0, 0] + cot[0, 1]
-    coefficient[2] = -cot[0, 0] - cot[1, 0]
-    coefficient[3] = -cot[0, 1] - cot[1, 1]
-    return 1.0 / area
 
 
 @batch_kernel
@@ -135,9 +101,9 @@ def measure_bends(xw, nodes, row, coefficient, soft, lam, h, spacing, result):
 
 
 @batch_kernel
-def add_bend_forces(count, which, nodes, row, coefficient, lam, h, force):
-    """Add lambda grad C / h^2 of the bends in `count` batches `which` [N] to force (n, 3) in place."""
-    for batch in which[:count]:
+def add_bend_forces(nodes, row, coefficient, lam, h, force):
+    """Add lambda grad C / h^2 of the bends [N] to force (n, 3) in place."""
+    for batch in range(len(nodes)):
         for lane in range(WIDTH):
             if row[batch, lane] < 0:
                 continue

@@ -107,9 +107,9 @@ def measure_distances(xw, nodes, row, rest, soft, lam, h, strain, result):
 
 
 @batch_kernel
-def add_distance_forces(xw, count, which, nodes, row, lam, h, force):
-    """Add lambda grad C / h^2, the forces of the springs in `count` batches `which` [N], to force (n, 3) in place."""
-    for batch in which[:count]:
+def add_distance_forces(xw, nodes, row, lam, h, force):
+    """Add lambda grad C / h^2, the forces of the springs [N], to force (n, 3) in place."""
+    for batch in range(len(nodes)):
         for lane in range(WIDTH):
             if row[batch, lane] < 0:
                 continue

@@ -58,22 +58,6 @@ def carry(xw, count, ids, held, local, position, orientation):
 
 
 @njit(cache=True, error_model="numpy")
-def list_holding(nodes, row, held, which):
-    """Batches in which a constraint has a held particle, into which (b,) in place; returns how many."""
-    count = 0
-    for batch in range(len(nodes)):
-        mine = False
-        for i in range(nodes.shape[1]):
-            for lane in range(nodes.shape[2]):
-                if row[batch, lane] >= 0 and held[nodes[batch, i, lane]] >= 0.0:
-                    mine = True
-        if mine:
-            which[count] = batch
-            count += 1
-    return count
-
-
-@njit(cache=True, error_model="numpy")
 def settle_held(parameters, state, scratch, outputs, count, then, h, share):
     """Book what tools did to the particles they hold: f = m (a - g) - forces of the constraints; returns work [J].
 

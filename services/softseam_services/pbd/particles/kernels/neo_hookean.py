@@ -17,13 +17,13 @@ from softseam_services.pbd.kernels.neo_hookean import cofactors
 
 from .corners import CORNER as NODE
 from .corners import gather_corner, scatter_corner
+from .distance import TINY
 from .tetrahedron import deformation, is_crushed, metric, stretched
 
 WIDTH = 8
 SHAPE, SOFT, GAMMA, LAMBDA = 4 * NODE, 4 * NODE + 72, 4 * NODE + 88, 4 * NODE + 96
 PULL = 4 * NODE + 112
 N_WORK = PULL + 12 * WIDTH
-TINY = 1e-100
 SEED = 0.01
 AT_ONCE = 0.4
 """h^2 times the square of a tetrahedron's own frequency of volume up to which its stress acts at once, eq. (2)"""

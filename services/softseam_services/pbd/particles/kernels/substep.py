@@ -15,7 +15,7 @@ from .bending import add_bend_forces, prepare_bends, project_bends
 from .constraint import add_constraint_forces, project_constraints
 from .contact import bounce, list_contacts, note_approach, project_contacts, settle_contacts
 from .distance import add_distance_forces, prepare_distances, project_distances
-from .grip import carry, list_held, list_holding, settle_held
+from .grip import carry, list_held, settle_held
 from .neo_hookean import begin_pairs
 from .neo_hookean import project_pairs as project_neo_hookean
 from .self_contact import list_pairs, project_pairs
@@ -67,8 +67,7 @@ def _velocities(xw, x_prev, v, n, h, drag):
 
 @njit(cache=True, error_model="numpy")
 def _begin(model, parameters, state, scratch, h):
-    """Places and weights into xw, alpha~ and inverses of all constraints, and what tools hold: returns how many
-    particles, and in how many batches of springs and of bends these are."""
+    """Places and weights into xw, alpha~ and inverses of all constraints; returns how many particles tools hold."""
     xw, held, of = scratch.xw, state.held, scratch.multipliers
     for i in range(len(state.x)):
         xw[i, 0], xw[i, 1], xw[i, 2] = state.x[i, 0], state.x[i, 1], state.x[i, 2]
@@ -82,10 +81,7 @@ def _begin(model, parameters, state, scratch, h):
     prepare_bends(xw, model.bends, coefficient, parameters.bend_compliance, h, share, of.bend_inverse, of.bend_soft)
     for j in range(len(parameters.compliance)):
         of.joined_soft[j] = parameters.compliance[j] / (h * h)
-    if n_held == 0:
-        return 0, 0, 0
-    n_springs = list_holding(model.springs, model.spring_row, held, scratch.holding_springs)
-    return n_held, n_springs, list_holding(model.bends, model.bend_row, held, scratch.holding_bends)
+    return n_held
 
 
 @njit(cache=True, error_model="numpy")
@@ -120,14 +116,11 @@ def _sweep(model, parameters, scratch, outputs, count, n_pairs, then):
 
 
 @njit(cache=True, error_model="numpy")
-def _book_held(model, parameters, state, scratch, outputs, counts, then, h, share):
+def _book_held(model, parameters, state, scratch, outputs, n_held, then, h, share):
     """Forces of the constraints on what tools hold, and what these did to it; returns their work [J]."""
-    n_held, n_springs, n_bends = counts
     xw, of, force = scratch.xw, scratch.multipliers, scratch.force
-    add_distance_forces(xw, n_springs, scratch.holding_springs, model.springs, model.spring_row, of.spring, h, force)
-    add_bend_forces(
-        *(n_bends, scratch.holding_bends, model.bends, model.bend_row, parameters.bend_coefficient, of.bend, h, force)
-    )
+    add_distance_forces(xw, model.springs, model.spring_row, of.spring, h, force)
+    add_bend_forces(model.bends, model.bend_row, parameters.bend_coefficient, of.bend, h, force)
     add_constraint_forces(
         *(xw, parameters.families, parameters.particle, parameters.parameter, of.joined_soft, of.joined),
         *(scratch.x, scratch.p, scratch.g, h, force),
@@ -152,7 +145,7 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
     )
     restitution, margin = parameters.restitution, parameters.margin
     n, h = len(x), dt / n_substeps
-    counts = _begin(model, parameters, state, scratch, h)
+    n_held = _begin(model, parameters, state, scratch, h)
     travel = tool_travel(parameters.reach, start, start_turn, end, end_turn, x) / n_substeps
     outputs.mean[:] = 0.0
     outputs.felt[:] = 0.0
@@ -165,11 +158,11 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
         now, then = s % 2, (s + 1) % 2
         tool_pose((s + 1) * share, start, start_turn, end, end_turn, place[then], turn[then])
         tool_motions(place[now], turn[now], place[then], turn[then], contacts.motion)
-        for k in range(counts[0]):
+        for k in range(n_held):
             for axis in range(3):
                 scratch.v_prev[k, axis] = v[scratch.ids[k], axis]
         _predict(xw, x_prev, v, n, gravity, h)
-        carry(xw, counts[0], scratch.ids, state.held, state.local, place[then], turn[then])
+        carry(xw, n_held, scratch.ids, state.held, state.local, place[then], turn[then])
         if s == 0 or np.sqrt(_farthest(xw, scratch.x_listed[0], n)) + (s - listed) * travel >= 0.5 * margin:
             listed = s
             _note(xw, scratch.x_listed[0], n)
@@ -199,8 +192,8 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
             speed = 2.0 * h * np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
             bounce(parameters, contacts, v, x_prev, count, h, speed)
         outcome[TOOL_WORK] += settle_contacts(parameters, state, contacts, outputs, xw, x_prev, count, then, h, share)
-        if counts[0] > 0:
-            outcome[TOOL_WORK] += _book_held(model, parameters, state, scratch, outputs, counts, then, h, share)
+        if n_held > 0:
+            outcome[TOOL_WORK] += _book_held(model, parameters, state, scratch, outputs, n_held, then, h, share)
     for i in range(n):
         x[i, 0], x[i, 1], x[i, 2] = xw[i, 0], xw[i, 1], xw[i, 2]
     return count

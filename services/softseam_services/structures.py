@@ -1,4 +1,4 @@
-"""Structures that a process was asked for last: scenes that differ only in numbers share one."""
+"""Structures that were asked for last: scenes that differ only in numbers share what is joined to what."""
 
 import hashlib
 from collections.abc import Callable
@@ -26,19 +26,20 @@ M = TypeVar("M")
 class Structures(Generic[L, M]):
     """The latest last. Structures never change, so any number of solvers, and threads, may have the same one."""
 
-    def __init__(self, build: Callable[[L], M]) -> None:
-        self._build = build
+    def __init__(self, build: Callable[[L], M], size: Callable[[M], int] = lambda model: 0, most: int = 0) -> None:
+        """size: of a structure; the latest of them are kept, of no more than `most` together, but for the last one"""
+        self._build, self._size, self._most = build, size, most
         self._kept: dict[bytes, M] = {}
         self._lock = Lock()
 
     def find(self, layout: L) -> M:
         """The structure of a layout, built where it is not known."""
-        key = layout.key
+        key, kept = layout.key, self._kept
         with self._lock:
-            model = self._kept.pop(key) if key in self._kept else self._build(layout)
-            self._kept[key] = model
-            while len(self._kept) > _KEPT:
-                self._kept.pop(next(iter(self._kept)))
+            model = kept.pop(key) if key in kept else self._build(layout)
+            kept[key] = model
+            while len(kept) > _KEPT or (len(kept) > 1 and sum(map(self._size, kept.values())) > self._most):
+                kept.pop(next(iter(kept)))
         return model
 
 
