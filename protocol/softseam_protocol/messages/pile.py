@@ -27,6 +27,20 @@ class Note:
 
 
 @message
+class Met:
+    """What a contact between two bodies of a pile did in a step."""
+
+    n_points: Count
+    """that were near enough to touch"""
+    depth: float
+    """of a point inside the other body, at most, at the end [m]"""
+    force: float
+    """largest on a point [N]"""
+    work: float
+    """on both bodies [J]"""
+
+
+@message
 class Members:
     """What a step did to the b bodies of a pile that took it, in the order of `Configure.bodies`; as of `Advanced`."""
 
@@ -36,6 +50,8 @@ class Members:
     gravity: Scalars
     tool_work: Scalars
     dissipated: Scalars
+    interface_work: Scalars
+    """of other bodies of the pile"""
     momentum: Vectors
     """(b, 3) [kg m/s]"""
     angular_momentum: Vectors
@@ -54,6 +70,8 @@ class Members:
     high: Vectors
     notes: list[Note] = field(default_factory=list)
     """of those of whose step there is something to say"""
+    met: list[Met] = field(default_factory=list)
+    """of each contact between bodies of the pile, in the order of the scene's interfaces"""
 
 
 @message

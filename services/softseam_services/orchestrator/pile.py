@@ -38,6 +38,7 @@ from softseam_protocol.messages.participant import (
 )
 from softseam_protocol.messages.pile import Begun
 from softseam_protocol.participant.pile_state import join_states, split_states
+from softseam_protocol.scene.interfaces import contacts_among
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.participants import Participants, Tied
@@ -69,6 +70,8 @@ class Pile:
     ) -> None:
         self.names, self.part = tuple(names), within("pile", model)
         """of its bodies, in their order; id of the part that they are"""
+        self.contacts = tuple(contacts_among(names, scene.interfaces))
+        """names of the interfaces between its bodies"""
         self._place = {name: place for place, name in enumerate(names)}
         self._alone = Parts(self.part, {self.part: model}, {self.part: _NONE}, {self.part: n_nodes}, _NONE)
         self._asked_through = _ByBody(transport, names)

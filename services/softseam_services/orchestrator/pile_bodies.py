@@ -18,8 +18,8 @@ from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import Status
 from softseam_protocol.messages.participant import Advanced, Fields
-from softseam_protocol.messages.pile import Members
-from softseam_protocol.messages.session import ErrorEstimate, Frame, PartReport
+from softseam_protocol.messages.pile import Members, Met
+from softseam_protocol.messages.session import ErrorEstimate, Frame, InterfaceReport, PartReport
 from softseam_services.orchestrator.energy_balance import Entry
 from softseam_services.orchestrator.pile import Pile
 from softseam_services.orchestrator.pile_quantities import PileQuantities
@@ -33,8 +33,8 @@ from softseam_services.tools.tool_set import ToolSet
 Floats = NDArray[np.float64]
 
 _FREE = np.zeros((0, 3))
-_ARRAYS = [each.name for each in fields(Members) if each.name != "notes"]
-_STILL = {"tool_work": 0, "dissipated": 0, "iterations": 0, "n_substeps": 1}
+_ARRAYS = [each.name for each in fields(Members) if each.name not in ("notes", "met")]
+_STILL = {"tool_work": 0, "interface_work": 0, "dissipated": 0, "iterations": 0, "n_substeps": 1}
 """of bodies that sleep through a step"""
 
 
@@ -58,8 +58,9 @@ class PileBodies:
         b, t = len(self._bodies), self._n_tools
         none, flat, ids = np.zeros(b), np.zeros((b, 3)), np.zeros(b, dtype=np.int32)
         self._step = Members(
-            *(none, none, none, none, none, flat, flat, none, none, none, ids, ids, ids),
+            *(none, none, none, none, none, none, flat, flat, none, none, none, ids, ids, ids),
             *(np.zeros((b, t, 6)), flat, flat),
+            met=[Met(0, 0.0, 0.0, 0.0) for _ in self.pile.contacts],
         )
         self._header = Header(SCHEMA_VERSION, "", self.pile.part, 0, 0, 0, 0.0)
         self._seconds, self._awake = 0.0, np.arange(b)
@@ -109,7 +110,9 @@ class PileBodies:
             if reply is not None:
                 assert reply.members is not None
                 array[self._awake] = getattr(reply.members, name)
-        self._step = step if reply is None or reply.members is None else replace(step, notes=reply.members.notes)
+        said = None if reply is None else reply.members
+        still = [replace(each, work=0.0) for each in self._step.met]
+        self._step = replace(step, met=still) if said is None else replace(step, notes=said.notes, met=said.met)
 
     def stand(self, name: str, reply: Advanced) -> None:
         """A body sleeps, as it stood when it fell asleep."""
@@ -136,7 +139,7 @@ class PileBodies:
             step.strain.item(place),
             step.gravity.item(place),
             step.tool_work.item(place),
-            0.0,
+            step.interface_work.item(place),
             step.momentum[place],
             step.angular_momentum[place],
             step.penetration.item(place),
@@ -170,6 +173,12 @@ class PileBodies:
         """Of all bodies on the tools (t, 6) [N, N m]."""
         return np.asarray(self._step.wrench.sum(axis=0))
 
+    @property
+    def interfaces(self) -> dict[str, InterfaceReport]:
+        """Of the last step, by contact between its bodies; of those asleep, as it was when they fell asleep."""
+        met = zip(self.pile.contacts, self._step.met, strict=True)
+        return {name: InterfaceReport(each.depth, 0, each.n_points, each.force, each.work) for name, each in met}
+
     def measure(
         self, position: Floats, orientation: Floats, frames: Mapping[str, Frame], lifting: bool
     ) -> dict[str, float]:
@@ -196,7 +205,8 @@ class PileBodies:
         step = self._step
         energies = np.stack((step.kinetic, step.strain, step.gravity), axis=1)
         drive_work = 0.0 - dt * np.einsum("btc,tc->b", step.wrench, command)
-        dissipation, alarms = self._ledgers.step(energies, step.tool_work, drive_work - step.tool_work, step.dissipated)
+        work = step.tool_work + step.interface_work
+        dissipation, alarms = self._ledgers.step(energies, work, drive_work - step.tool_work, step.dissipated)
         touches = np.asarray(step.wrench.any(axis=(1, 2)))
         for place, said in self._losses.follow(step.kinetic, step.strain, dissipation, touches, drive_work).items():
             self._bodies[place].report("damped", f"step {step_number}: {said}")
@@ -210,6 +220,7 @@ class PileBodies:
             **dict(zip(("kinetic", "strain", "gravity"), sums, strict=True)),
             "tool_work": float(step.tool_work.sum()),
             "seam_work": 0.0,
+            **({"interface_work": float(step.interface_work.sum())} if self.pile.contacts else {}),
             "dissipation": float(dissipation.sum()),
             "switch": 0.0,
             **({"material": float(step.dissipated.sum())} if self._inelastic else {}),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.outcomes import Detail, Status
 from softseam_protocol.messages.participant import Advanced
-from softseam_protocol.messages.pile import Members, Note
+from softseam_protocol.messages.pile import Members, Met, Note
 from softseam_services.body.body import Floats
 
 from . import watch
@@ -31,6 +31,8 @@ class Stepped(NamedTuple):
     substeps: NDArray[np.int64]
     dissipated: Floats
     """(b,) [J]"""
+    met: list[Met]
+    """what contacts between them did"""
 
 
 def reply_of(
@@ -51,6 +53,7 @@ def reply_of(
         rows[k.GRAVITY],
         rows[k.TOOL_WORK],
         dissipated,
+        rows[k.SEAM_WORK],
         np.ascontiguousarray(rows[k.MOMENTUM : k.MOMENTUM + 3].T),
         np.ascontiguousarray(rows[k.ANGULAR : k.ANGULAR + 3].T),
         rows[k.PENETRATION],
@@ -63,6 +66,7 @@ def reply_of(
         np.ascontiguousarray(rows[k.BOUNDS : k.BOUNDS + 3].T),
         np.ascontiguousarray(rows[k.BOUNDS + 3 : k.BOUNDS + 6].T),
         notes,
+        stepped.met,
     )
     bounds = np.zeros((2, 3))
     if len(awake):

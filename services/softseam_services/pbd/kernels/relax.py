@@ -95,7 +95,7 @@ def relax(model, parameters, stress, scratch, substep, n_sweeps, h, parts, worke
         )
         if worker == 0:
             wait_for(team, before)
-            project_contacts(model, parameters, contacts, scratch.xw, h * h)
+            project_contacts(model, parameters, contacts, scratch.xw, h * h, len(model.seam) > 0)
             if round_ < n_sweeps:
                 soften_held_blocks(model, parameters, contacts, scratch.softness)
             done(team, worker, 1)
