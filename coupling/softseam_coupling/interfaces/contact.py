@@ -54,8 +54,8 @@ class Contact:
                 )
             if not one.forces_at_end:
                 raise ValueError(
-                    f"contact is between bodies of fem so far, and {name!r} is of another model: give it "
-                    "`regions: {default: fem}`"
+                    f"contact of XPBD is with XPBD alone so far, of bodies that nothing else joins; {name!r} is not "
+                    "so: give both bodies `regions: {default: fem}`, or `{default: pbd}`"
                 )
         self._friction, self._sides = spec.friction, (_Side(a), _Side(b))
         self.nodes = self._sides[0].free, self._sides[1].free

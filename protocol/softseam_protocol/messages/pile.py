@@ -50,8 +50,6 @@ class Members:
     gravity: Scalars
     tool_work: Scalars
     dissipated: Scalars
-    interface_work: Scalars
-    """of other bodies of the pile"""
     momentum: Vectors
     """(b, 3) [kg m/s]"""
     angular_momentum: Vectors
@@ -72,6 +70,8 @@ class Members:
     """of those of whose step there is something to say"""
     met: list[Met] = field(default_factory=list)
     """of each contact between bodies of the pile, in the order of the scene's interfaces"""
+    interface_work: Scalars = field(default_factory=lambda: np.zeros(0))
+    """of other bodies of the pile on each (b,) [J]"""
 
 
 @message

@@ -58,9 +58,10 @@ class PileBodies:
         b, t = len(self._bodies), self._n_tools
         none, flat, ids = np.zeros(b), np.zeros((b, 3)), np.zeros(b, dtype=np.int32)
         self._step = Members(
-            *(none, none, none, none, none, none, flat, flat, none, none, none, ids, ids, ids),
+            *(none, none, none, none, none, flat, flat, none, none, none, ids, ids, ids),
             *(np.zeros((b, t, 6)), flat, flat),
             met=[Met(0, 0.0, 0.0, 0.0) for _ in self.pile.contacts],
+            interface_work=none,
         )
         self._header = Header(SCHEMA_VERSION, "", self.pile.part, 0, 0, 0, 0.0)
         self._seconds, self._awake = 0.0, np.arange(b)

@@ -53,7 +53,6 @@ def reply_of(
         rows[k.GRAVITY],
         rows[k.TOOL_WORK],
         dissipated,
-        rows[k.SEAM_WORK],
         np.ascontiguousarray(rows[k.MOMENTUM : k.MOMENTUM + 3].T),
         np.ascontiguousarray(rows[k.ANGULAR : k.ANGULAR + 3].T),
         rows[k.PENETRATION],
@@ -67,6 +66,7 @@ def reply_of(
         np.ascontiguousarray(rows[k.BOUNDS + 3 : k.BOUNDS + 6].T),
         notes,
         stepped.met,
+        rows[k.SEAM_WORK],
     )
     bounds = np.zeros((2, 3))
     if len(awake):

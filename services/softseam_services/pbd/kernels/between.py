@@ -33,7 +33,7 @@ N_NUMBERS = 21
 face were as the substep began (3,) [m]"""
 
 FAST = 0.5
-"""of the reach: what two bodies may come nearer in a step, so that faces are looked for where points would come to [1]"""
+"""of the reach: what bodies may come nearer in a step, so that faces are looked for where points would come to [1]"""
 DEPTH, LARGEST, WORK = 0, 1, 2
 N_MET = 3
 """of a meeting in a step: how deep points are inside the other body at its end [m], the largest force on one [N], and
