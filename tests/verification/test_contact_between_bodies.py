@@ -216,9 +216,10 @@ def icosahedron() -> bytes:
 def test_what_contact_cannot_do_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(SoftseamError, match=r"interfaces\.touch.*XPBD.*alone so far.*'upper'.*default: fem"):
         softseam.open(scene(cube(regions={"default": "pbd"})))
+    elastic = cube(material={"young": 5e5, "poisson": 0.3, "density": DENSITY})
     for keys in ({"residual": 0.01, "sweeps": 4}, {"method": "leapfrog"}):
         with pytest.raises(SoftseamError, match=r"interfaces\.touch.*leave out"):
-            softseam.open(scene(cube(), model="pbd", models={"pbd": keys}))
+            softseam.open(scene(elastic, elastic, model="pbd", models={"pbd": keys}, tools={}))
     (tmp_path / "ball.obj").write_bytes(icosahedron())
     mesh = json.loads(scene(cube(shape={"kind": "mesh", "path": "ball.obj"})).model_dump_json(exclude_unset=True))
     (tmp_path / "ball.yaml").write_text(json.dumps(mesh))

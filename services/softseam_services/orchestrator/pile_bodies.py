@@ -119,9 +119,9 @@ class PileBodies:
         """A body sleeps, as it stood when it fell asleep."""
         place, step = self.pile.place(name), self._step
         self._step = replace(step, **{each: getattr(step, each).copy() for each in _ARRAYS})
+        other = {"low": reply.bounds[0], "high": reply.bounds[1], "interface_work": reply.coupling_work}
         for each in _ARRAYS:
-            row = {"low": reply.bounds[0], "high": reply.bounds[1]}.get(each)
-            getattr(self._step, each)[place] = getattr(reply, each) if row is None else row
+            getattr(self._step, each)[place] = other[each] if each in other else getattr(reply, each)
 
     def outcome(self, name: str) -> Outcome:
         """What the step did to one body, as of a body by itself. Raises KeyError where the pile has no such body."""
