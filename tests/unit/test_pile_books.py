@@ -12,6 +12,7 @@ from softseam_coupling.ledger import Energies, EnergyLedger, LedgerState
 from softseam_coupling.ledgers import Ledgers
 from softseam_protocol.participant.state import join_states, split_states
 from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.interfaces import ContactSpec, InterfaceSpec
 from softseam_services.orchestrator.pile import piles_of
 from softseam_services.orchestrator.step_losses import StepLosses
 from softseam_services.server import Setup, build_setup
@@ -55,10 +56,21 @@ def setups() -> dict[str, Setup]:
 
 @pytest.mark.kernels
 def test_whole_bodies_of_a_model_that_piles_are_in_a_pile(setups: dict[str, Setup]) -> None:
-    """Not those of FEM, of a near region, of particles, that interfaces join; and one alone is no pile."""
-    assert piles_of(setups, ()) == {"pbd": ("cube0", "cube3", "cube4")}
-    assert piles_of(setups, ("cube3",)) == {"pbd": ("cube0", "cube4")}
-    assert piles_of(setups, ("cube3", "cube4")) == {}
+    """Not those of FEM, of a near region, of particles, on ladders; and one alone is no pile."""
+    assert piles_of(setups, {}, ()) == {"pbd": ("cube0", "cube3", "cube4")}
+    assert piles_of(setups, {}, ("cube3",)) == {"pbd": ("cube0", "cube4")}
+    assert piles_of(setups, {}, ("cube3", "cube4")) == {}
+
+
+@pytest.mark.kernels
+def test_bodies_that_touch_are_in_a_pile_and_those_that_interfaces_join_are_not(setups: dict[str, Setup]) -> None:
+    """What touches a body that something joins to another is not in the pile, either."""
+    touch = ContactSpec(between=("cube0", "cube3"))
+    assert piles_of(setups, {"touch": touch}, ()) == {"pbd": ("cube0", "cube3", "cube4")}
+    other = InterfaceSpec(kind="pad", between=("cube3", "cube1"))
+    assert piles_of(setups, {"touch": touch, "pad": other}, ()) == {}
+    of_fem = ContactSpec(between=("cube1", "cube3"))
+    assert piles_of(setups, {"touch": of_fem}, ()) == {"pbd": ("cube0", "cube4")}
 
 
 @pytest.mark.kernels

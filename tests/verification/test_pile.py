@@ -60,7 +60,7 @@ def test_bodies_of_a_pile_are_as_if_each_had_a_solver_of_its_own(
     scene = unlike(quantities=asked)
     together = simulation(scene)
     assert together.parts == {"pile.pbd"}
-    monkeypatch.setattr("softseam_services.orchestrator.bodies.piles_of", lambda setups, apart: {})
+    monkeypatch.setattr("softseam_services.orchestrator.bodies.piles_of", lambda *given: {})
     apart = simulation(scene)
     assert apart.parts == {f"{name}.far" for name in scene.bodies}
     assert together.expected_steps is not None

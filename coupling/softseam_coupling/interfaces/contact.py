@@ -27,7 +27,7 @@ from softseam_coupling.kernels.nearest_face import nearest_faces, point_normals
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-_REACH = 0.5
+REACH = 0.5
 """of the points' spacing: so near a face a point may touch it in a step, and so far beside it a point counts [1]"""
 
 
@@ -54,8 +54,8 @@ class Contact:
                 )
             if not one.forces_at_end:
                 raise ValueError(
-                    f"contact is between bodies of fem so far, and {name!r} is of another model: give it "
-                    "`regions: {default: fem}`"
+                    f"contact of XPBD is with XPBD alone so far, of bodies that nothing else joins; {name!r} is not "
+                    "so: give both bodies `regions: {default: fem}`, or `{default: pbd}`"
                 )
         self._friction, self._sides = spec.friction, (_Side(a), _Side(b))
         self.nodes = self._sides[0].free, self._sides[1].free
@@ -89,7 +89,7 @@ class Contact:
         """Rows of the points of one body, which go from `at` to `to` or so: ids, weights, ways and normals from the
         second body to the first (c, 3), areas (c,) [m^2]."""
         side, other = self._sides[own], self._sides[1 - own]
-        points, faces, reach = to[own], to[1 - own], _REACH * spacing
+        points, faces, reach = to[own], to[1 - own], REACH * spacing
         close = _within(points, faces, reach)
         n = len(close)
         face, share, beside, normal = np.empty(n, dtype=np.int64), np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3))

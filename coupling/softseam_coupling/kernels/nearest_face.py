@@ -11,34 +11,33 @@ _FACING = 0.3
 
 
 @njit(cache=True, error_model="numpy")
-def _nearest_in(p, a, b, c, share):
-    """share (3,) <- weights of the corners in the place of a triangle that is nearest to p (3,).
+def _nearest_in(p, a, b, c):
+    """Weights of the second and third corner in the place of a triangle that is nearest to p.
 
     C. Ericson, Real-Time Collision Detection (2005), 5.1.5, by the regions of Voronoi of its corners and sides.
     """
-    ab, ac, ap = b - a, c - a, p - a
-    d1, d2 = np.dot(ab, ap), np.dot(ac, ap)
-    bp, cp = p - b, p - c
-    d3, d4, d5, d6 = np.dot(ab, bp), np.dot(ac, bp), np.dot(ab, cp), np.dot(ac, cp)
+    d1 = d2 = bb = bc = cc = 0.0
+    for k in range(3):
+        ab, ac, ap = b[k] - a[k], c[k] - a[k], p[k] - a[k]
+        d1, d2 = d1 + ab * ap, d2 + ac * ap
+        bb, bc, cc = bb + ab * ab, bc + ab * ac, cc + ac * ac
+    d3, d4, d5, d6 = d1 - bb, d2 - bc, d1 - bc, d2 - cc
     va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
-    u = v = 0.0
     if d1 <= 0.0 and d2 <= 0.0:
-        u = v = 0.0
-    elif d3 >= 0.0 and d4 <= d3:
-        u = 1.0
-    elif d6 >= 0.0 and d5 <= d6:
-        v = 1.0
-    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        u = d1 / (d1 - d3)
-    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        v = d2 / (d2 - d6)
-    elif va <= 0.0 and d4 >= d3 and d5 >= d6:
+        return 0.0, 0.0
+    if d3 >= 0.0 and d4 <= d3:
+        return 1.0, 0.0
+    if d6 >= 0.0 and d5 <= d6:
+        return 0.0, 1.0
+    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        return d1 / (d1 - d3), 0.0
+    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        return 0.0, d2 / (d2 - d6)
+    if va <= 0.0 and d4 >= d3 and d5 >= d6:
         v = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        u = 1.0 - v
-    else:
-        below = 1.0 / (va + vb + vc)
-        u, v = vb * below, vc * below
-    share[0], share[1], share[2] = 1.0 - u - v, u, v
+        return 1.0 - v, v
+    below = 1.0 / (va + vb + vc)
+    return vb * below, vc * below
 
 
 @njit(cache=True, error_model="numpy")
@@ -68,34 +67,41 @@ def nearest_faces(points, out, x, triangles, reach, face, share, beside, normal)
     (p,) <- how far the point is from there along the triangle [m]; normal (p, 3) <- the triangle's, out of the surface.
     Of triangles that are as near, at an edge, that counts across which the point is farthest.
     """
-    own, side = np.empty(3), np.empty(3)
+    normals = np.empty((len(triangles), 3))
+    for t in range(len(triangles)):
+        a, b, c = x[triangles[t, 0]], x[triangles[t, 1]], x[triangles[t, 2]]
+        size = 0.0
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            normals[t, k] = (b[i] - a[i]) * (c[j] - a[j]) - (b[j] - a[j]) * (c[i] - a[i])
+            size += normals[t, k] ** 2
+        for k in range(3):
+            normals[t, k] /= np.sqrt(size)
     for i in range(len(points)):
         p = points[i]
         face[i], best, most = -1, reach * reach, -1.0
         for t in range(len(triangles)):
+            nx, ny, nz = normals[t, 0], normals[t, 1], normals[t, 2]
+            if nx * out[i, 0] + ny * out[i, 1] + nz * out[i, 2] > -_FACING:
+                continue
             a, b, c = x[triangles[t, 0]], x[triangles[t, 1]], x[triangles[t, 2]]
             away = False
             for k in range(3):
                 away = away or min(a[k], b[k], c[k]) - p[k] > reach or p[k] - max(a[k], b[k], c[k]) > reach
             if away:
                 continue
-            nx = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
-            ny = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
-            nz = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-            size = np.sqrt(nx * nx + ny * ny + nz * nz)
-            if nx * out[i, 0] + ny * out[i, 1] + nz * out[i, 2] > -_FACING * size:
-                continue
-            _nearest_in(p, a, b, c, own)
-            square = 0.0
+            u, v = _nearest_in(p, a, b, c)
+            w = 1.0 - u - v
+            square, across = 0.0, 0.0
             for k in range(3):
-                side[k] = p[k] - (own[0] * a[k] + own[1] * b[k] + own[2] * c[k])
-                square += side[k] * side[k]
+                d = p[k] - (w * a[k] + u * b[k] + v * c[k])
+                square += d * d
+                across += d * normals[t, k]
             if square > best * (1.0 + _LEVEL):
                 continue
-            across = (side[0] * nx + side[1] * ny + side[2] * nz) / size
             if square >= best * (1.0 - _LEVEL) and face[i] >= 0 and abs(across) <= most * (1.0 + _LEVEL):
                 continue
             beside[i] = np.sqrt(max(0.0, square - across * across))
             best, most, face[i] = min(best, square), abs(across), t
-            share[i, 0], share[i, 1], share[i, 2] = own[0], own[1], own[2]
-            normal[i, 0], normal[i, 1], normal[i, 2] = nx / size, ny / size, nz / size
+            share[i, 0], share[i, 1], share[i, 2] = w, u, v
+            normal[i, 0], normal[i, 1], normal[i, 2] = nx, ny, nz

@@ -26,6 +26,20 @@ class Note:
 
 
 @message
+class Met:
+    """What a contact between two bodies of a pile did in a step."""
+
+    n_points: Count
+    """that were near enough to touch"""
+    depth: float
+    """of a point inside the other body, at most, at the end [m]"""
+    force: float
+    """largest on a point [N]"""
+    work: float
+    """on both bodies [J]"""
+
+
+@message
 class Members:
     """What a step did to the b bodies of a pile that took it, in the order of `Configure.bodies`; as of `Advanced` and
     its figures."""
@@ -54,6 +68,10 @@ class Members:
     high: Vectors
     notes: list[Note] = field(default_factory=list)
     """of those of whose step there is something to say"""
+    met: list[Met] = field(default_factory=list)
+    """of each contact between bodies of the pile, in the order of the scene's interfaces"""
+    interface_work: Scalars = field(default_factory=lambda: np.zeros(0))
+    """of other bodies of the pile on each (b,) [J]"""
 
 
 @message

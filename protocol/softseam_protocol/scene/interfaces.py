@@ -1,6 +1,6 @@
 """Interfaces between bodies: what a scene says of where two bodies meet, and of what holds there."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -31,6 +31,15 @@ class ContactSpec(InterfaceSpec):
 INTERFACES: Table[type[InterfaceSpec]] = Table("kinds of interface", {"contact": ContactSpec})
 """the specification of each kind; `softseam_coupling.interfaces.KINDS` has what makes its rows"""
 AnyInterface = Annotated[InterfaceSpec, OfKind(INTERFACES)]
+
+
+def contacts_among(names: Collection[str], interfaces: Mapping[str, InterfaceSpec]) -> dict[str, ContactSpec]:
+    """The contacts of a scene that are between two of these bodies, by name."""
+    return {
+        name: spec
+        for name, spec in interfaces.items()
+        if isinstance(spec, ContactSpec) and set(spec.between) <= set(names)
+    }
 
 
 def check_interface(name: str, spec: InterfaceSpec, bodies: Mapping[str, AnyBody], regions: RegionsSpec) -> None:

@@ -87,7 +87,7 @@ class Turning:
 
         start: x and v before; alone: nothing acted from outside, so that what the sweeps made of a spin goes, too
         """
-        given: bool = give_back(self.mass, *start, x, v, self._axis, dt, n_substeps, alone)
+        given: bool = give_back(self.mass, *start, x, v, self._axis, dt, n_substeps, alone, np.zeros(3))
         return given
 
     def _see(self, x: Floats, v: Floats) -> None:

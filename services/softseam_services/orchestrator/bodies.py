@@ -64,16 +64,15 @@ class Bodies:
         self._bundle = bundle
         self._program, self._clock, self._report = program, clock, report
         self._probes = share_probes({name: setup.body for name, setup in setups.items()}, scene.probes)
-        self._interfaces = interfaces_of(scene, setups)
         self._ladders = {
             name: Ladder(scene, name, body, bundle.files, partial(self._on_rung, name))
             for name, body in scene.bodies.items()
             if body.said("ladder", ())
         }
-        joined = {name for between in self._interfaces.values() for name in between.bodies}
-        self._piles = {
-            model: self._pile(model, names) for model, names in piles_of(setups, joined | self._ladders.keys()).items()
-        }
+        piled = piles_of(setups, scene.interfaces, self._ladders)
+        self._piles = {model: self._pile(model, names) for model, names in piled.items()}
+        within = [name for pile in self._piles.values() for name in pile.contacts]
+        self._interfaces = interfaces_of(scene, setups, within)
         self.named = {
             name: self._ladders[name].begin() if name in self._ladders else self._simulated(name, bundle, setup)
             for name, setup in setups.items()
@@ -84,13 +83,14 @@ class Bodies:
         ]
         """those whose bodies step as one part"""
         self._apart = [name for name in self.named if not any(name in pile.names for pile in self._piles.values())]
-        islands = islands_of(self.named, (between.bodies for between in self._interfaces.values()))
-        self._joined = [self._join(island) for island in islands if len(island) > 1]
-        self._lone = {island[0]: self.named[island[0]].participants for island in islands if len(island) == 1}
+        tied = islands_of(self.named, (between.bodies for between in self._interfaces.values()))
+        self._joined = [self._join(island) for island in tied if len(island) > 1]
+        self._lone = {island[0]: self.named[island[0]].participants for island in tied if len(island) == 1}
         for pile in self._piles.values():
             for name in pile.names:
                 del self._lone[name]
         mass, tools = {name: setup.body.total_mass for name, setup in setups.items()}, next(iter(setups.values())).tools
+        islands = islands_of(self.named, (interface.between for interface in scene.interfaces.values()))
         self._sleeping = Sleeping(scene.sleep, islands, mass, tools, self._woke)
 
     def _simulated(self, name: str, bundle: Bundle, setup: Setup) -> SimulatedBody:
@@ -246,8 +246,11 @@ class Bodies:
 
     @property
     def interface_reports(self) -> dict[str, InterfaceReport]:
-        """Of the last step, by interface between bodies."""
-        return {name: report for island in self._joined for name, report in island.reports.items()}
+        """Of the last step, by interface between bodies, in the scene's order."""
+        found = {name: report for island in self._joined for name, report in island.reports.items()}
+        for pile in self.piles:
+            found |= pile.interfaces
+        return {name: found[name] for name in self._scene.interfaces if name in found}
 
     # ---- snapshots
 

@@ -5,7 +5,7 @@ Each body is one part. What holds between them is made anew as a step begins, fr
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -51,10 +51,12 @@ class Between:
     kind: Kind
 
 
-def interfaces_of(scene: Scene, setups: Mapping[str, Setup]) -> dict[str, Between]:
-    """The interfaces of a scene, by name, between bodies that are built. Raises SettingError."""
+def interfaces_of(scene: Scene, setups: Mapping[str, Setup], within: Collection[str]) -> dict[str, Between]:
+    """The interfaces of a scene between bodies that are built, by name, but those within piles. Raises SettingError."""
     found = {}
     for name, spec in scene.interfaces.items():
+        if name in within:
+            continue
         a, b = (meeting_of(setups[body]) for body in spec.between)
         try:
             kind = KINDS[spec.kind](spec, a, b)

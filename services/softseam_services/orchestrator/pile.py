@@ -19,6 +19,7 @@ from softseam_protocol.messages.outcomes import Status
 from softseam_protocol.messages.pile import Begun
 from softseam_protocol.models import facts_of
 from softseam_protocol.participant.state import join_states, split_states
+from softseam_protocol.scene.interfaces import InterfaceSpec, contacts_among
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.participants import Participants, Tied
@@ -51,6 +52,8 @@ class Pile:
     ) -> None:
         self.names, self.part = tuple(names), within("pile", model)
         """of its bodies, in their order; id of the part that they are"""
+        self.contacts = tuple(contacts_among(names, scene.interfaces))
+        """names of the interfaces between its bodies"""
         self._place = {name: place for place, name in enumerate(names)}
         self._alone = Parts(self.part, {self.part: model}, {self.part: _NONE}, {self.part: n_nodes}, _NONE)
         self._asked_through = _ByBody(transport, names)
@@ -226,17 +229,31 @@ class MemberTransport:
         """There is nothing to close."""
 
 
-def piles_of(setups: Mapping[str, Setup], apart: Collection[str]) -> dict[str, tuple[str, ...]]:
+def piles_of(
+    setups: Mapping[str, Setup], interfaces: Mapping[str, InterfaceSpec], climbing: Collection[str]
+) -> dict[str, tuple[str, ...]]:
     """Names of the bodies of each pile, by its model, in the scene's order: those that are whole, and that nothing may
-    cut, join or climb; a pile of one is a body by itself.
+    cut, climb or join to others. Contact between them is solved in it. A pile of one is a body by itself.
 
-    setups  of all bodies, by name
-    apart   bodies that interfaces join, and those that may go to another rung
+    setups      of all bodies, by name
+    interfaces  of the scene, by name
+    climbing    bodies that may go to another rung
     """
     found: dict[str, list[str]] = {}
     for name, setup in setups.items():
         regions = setup.scene.regions
         model, whole = regions.default, not regions.cut and regions.goal is None
-        if model and setup.body.has_cells and whole and name not in apart and facts_of(model).piles:
+        if model and setup.body.has_cells and whole and name not in climbing and facts_of(model).piles:
             found.setdefault(model, []).append(name)
-    return {model: tuple(names) for model, names in found.items() if len(names) > 1}
+    alone = {model: tuple(_without_joined(names, interfaces)) for model, names in found.items()}
+    return {model: names for model, names in alone.items() if len(names) > 1}
+
+
+def _without_joined(names: list[str], interfaces: Mapping[str, InterfaceSpec]) -> list[str]:
+    """Bodies that nothing joins to others than these, and nothing to these but contact."""
+    while True:
+        within = contacts_among(names, interfaces)
+        joined = {name for key, each in interfaces.items() if key not in within for name in each.between}
+        if joined.isdisjoint(names):
+            return names
+        names = [name for name in names if name not in joined]

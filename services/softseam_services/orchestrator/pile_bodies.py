@@ -18,8 +18,8 @@ from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import Figure, Status
 from softseam_protocol.messages.participant import Advanced, Coupled, Fields
-from softseam_protocol.messages.pile import Members
-from softseam_protocol.messages.session import ErrorEstimate, Frame, PartReport
+from softseam_protocol.messages.pile import Members, Met
+from softseam_protocol.messages.session import ErrorEstimate, Frame, InterfaceReport, PartReport
 from softseam_services.orchestrator.creep import Creep
 from softseam_services.orchestrator.energy_balance import Entry
 from softseam_services.orchestrator.pierced import idle_inside
@@ -34,9 +34,9 @@ from softseam_services.tools.tool_set import ToolSet
 Floats = NDArray[np.float64]
 
 _FREE = np.zeros((0, 3))
-_ARRAYS = [each.name for each in fields(Members) if each.name != "notes"]
+_ARRAYS = [each.name for each in fields(Members) if each.name not in ("notes", "met")]
 _FIGURES = [each for each in Figure if each in _ARRAYS]
-_STILL = {"tool_work": 0, "dissipated": 0, "iterations": 0, "n_substeps": 1}
+_STILL = {"tool_work": 0, "interface_work": 0, "dissipated": 0, "iterations": 0, "n_substeps": 1}
 """of bodies that sleep through a step"""
 
 
@@ -63,6 +63,8 @@ class PileBodies:
         self._step = Members(
             *(none, none, none, none, none, flat, flat, none, none, none, ids, ids, ids),
             *(np.zeros((b, t, 6)), flat, flat),
+            met=[Met(0, 0.0, 0.0, 0.0) for _ in self.pile.contacts],
+            interface_work=none,
         )
         self._header = Header(SCHEMA_VERSION, "", self.pile.part, 0, 0, 0, 0.0)
         self._seconds, self._awake = 0.0, np.arange(b)
@@ -114,17 +116,18 @@ class PileBodies:
             if reply is not None:
                 assert reply.members is not None
                 array[self._awake] = getattr(reply.members, name)
-        self._step = step if reply is None or reply.members is None else replace(step, notes=reply.members.notes)
+        said = None if reply is None else reply.members
+        still = [replace(each, work=0.0) for each in self._step.met]
+        self._step = replace(step, met=still) if said is None else replace(step, notes=said.notes, met=said.met)
 
     def stand(self, name: str, reply: Advanced) -> None:
         """A body sleeps, as it stood when it fell asleep."""
         place, step = self.pile.place(name), self._step
         self._step = replace(step, **{each: getattr(step, each).copy() for each in _ARRAYS})
+        other = {"low": reply.bounds[0], "high": reply.bounds[1], "interface_work": reply.coupling.work}
         for each in _ARRAYS:
-            row = {"low": reply.bounds[0], "high": reply.bounds[1]}.get(each)
-            if each in _FIGURES:
-                row = np.float64(reply.figure(Figure(each)))
-            getattr(self._step, each)[place] = getattr(reply, each) if row is None else row
+            own = other[each] if each in other else getattr(reply, each, None)
+            getattr(self._step, each)[place] = reply.figure(Figure(each)) if each in _FIGURES else own
 
     def outcome(self, name: str) -> Outcome:
         """What the step did to one body, as of a body by itself. Raises KeyError where the pile has no such body."""
@@ -146,7 +149,7 @@ class PileBodies:
             np.stack((step.low[place], step.high[place])),
             self._seconds,
             np.zeros(0),
-            Coupled(),
+            Coupled(work=step.interface_work.item(place)),
             {name: float(getattr(step, name).item(place)) for name in _FIGURES},
             fields=fields_of,
         )
@@ -168,6 +171,12 @@ class PileBodies:
     def wrench(self) -> Floats:
         """Of all bodies on the tools (t, 6) [N, N m]."""
         return np.asarray(self._step.wrench.sum(axis=0))
+
+    @property
+    def interfaces(self) -> dict[str, InterfaceReport]:
+        """Of the last step, by contact between its bodies; of those asleep, as it was when they fell asleep."""
+        met = zip(self.pile.contacts, self._step.met, strict=True)
+        return {name: InterfaceReport(each.depth, 0, each.n_points, each.force, each.work) for name, each in met}
 
     def measure(
         self, position: Floats, orientation: Floats, frames: Mapping[str, Frame], lifting: bool
@@ -195,7 +204,8 @@ class PileBodies:
         step = self._step
         energies = np.stack((step.kinetic, step.strain, step.gravity), axis=1)
         drive_work = 0.0 - dt * np.einsum("btc,tc->b", step.wrench, command)
-        dissipation, alarms = self._ledgers.step(energies, step.tool_work, drive_work - step.tool_work, step.dissipated)
+        work = step.tool_work + step.interface_work
+        dissipation, alarms = self._ledgers.step(energies, work, drive_work - step.tool_work, step.dissipated)
         touches = np.asarray(step.wrench.any(axis=(1, 2)))
         for place, said in self._losses.follow(step.kinetic, step.strain, dissipation, touches, drive_work).items():
             self._bodies[place].report("damped", f"step {step_number}: {said}")
@@ -209,6 +219,7 @@ class PileBodies:
             **dict(zip(("kinetic", "strain", "gravity"), sums, strict=True)),
             "tool_work": float(step.tool_work.sum()),
             "seam_work": 0.0,
+            **({"interface_work": float(step.interface_work.sum())} if self.pile.contacts else {}),
             "dissipation": float(dissipation.sum()),
             "switch": 0.0,
             **({"material": float(step.dissipated.sum())} if self._inelastic else {}),

@@ -1,7 +1,7 @@
 """A pile: whole bodies that one solver holds in one set of arrays. One kernel advances them, each as if it were alone.
 
-The states of all lie in one buffer, body after body, and so do their scratch positions, sums and wrenches. Contact
-between the bodies is to come: in `kernels.pile`, beside the contacts with tools.
+The states of all lie in one buffer, body after body, and so do their scratch positions, sums and wrenches. Those that
+touch one another are at the same substep (`kernels.group`), with the contacts between them (`between`).
 """
 
 from __future__ import annotations
@@ -25,17 +25,19 @@ from softseam_protocol.messages.participant import (
     Coupled,
     Fields,
 )
-from softseam_protocol.messages.pile import Begun, Members, Note
+from softseam_protocol.messages.pile import Begun, Members, Met, Note
 from softseam_protocol.participant.state import join_states, split_states
 from softseam_services.body.body import Floats
 from softseam_services.body.kernels.bounds import bound_points
 from softseam_services.request_check import problem_of
 
 from . import watch
+from .between import Between, Contact
 from .kernels import pile as of_pile
 from .kernels import summary as k
 from .kernels import trust
 from .kernels.block import new_workspace
+from .kernels.group import advance_group
 from .kernels.thread_team import new_team
 from .pile_pieces import Piece, Pieces
 from .records import PbdState, decode_state, encode_state, new_inputs
@@ -50,8 +52,10 @@ Integers = NDArray[np.int64]
 class PileSolver:
     """Whole bodies with the same tools, each a region. Implements `Solver`."""
 
-    def __init__(self, setups: Sequence[Setup], states: Sequence[BodyState]) -> None:
-        """states: of each; empty: all at rest"""
+    def __init__(
+        self, setups: Sequence[Setup], states: Sequence[BodyState], contacts: Mapping[str, Contact] | None = None
+    ) -> None:
+        """states: of each; empty: all at rest. contacts: between them, by the names of the interfaces"""
         self._dt = setups[0].scene.step
         self._all = Pieces(setups)
         self.pieces = self._all.each
@@ -63,6 +67,7 @@ class PileSolver:
         b = len(self.pieces)
         self._inputs, self._team, self._ws = new_inputs(self._n_tools, 0), new_team(alone=True), new_workspace()
         self._notes = np.zeros((b, of_pile.N_NOTES), dtype=np.int64)
+        self._between = Between(contacts or {}, self._all)
         self._same = np.zeros(b, dtype=np.bool_)  # both states are the same: those that were asleep
         for number, piece in enumerate(self.pieces):
             handed = states[number] if states else None
@@ -116,9 +121,15 @@ class PileSolver:
         self._share_out(awake, request)
         place_tools(self._inputs, request.tools)
         kernels, apart = awake[~self._apart[awake]], awake[self._apart[awake]]
-        of_pile.advance_bodies(
-            self._rows[self._now], kernels, self._inputs, request.dt, self._team, self._ws, self._notes
-        )
+        rows, between, working = self._rows[self._now], self._between, (self._team, self._ws, self._notes)
+        groups = between.find(rows, asleep, self._now, request.dt)
+        alone = np.setdiff1d(kernels, np.concatenate([bodies for bodies, _ in groups])) if groups else kernels
+        of_pile.advance_bodies(rows, alone, self._inputs, request.dt, *working)
+        for bodies, met in groups:
+            advance_group(
+                *(rows, bodies, met, between.touch, between.forces[self._now], between.forces[1 - self._now]),
+                *(self._all.xw, between.centre, self._inputs, request.dt, *working),
+            )
         dissipated = np.zeros(len(self.pieces))
         notes = {int(number): self._step_apart(int(number), request, dissipated) for number in apart}
         notes |= self._notes_of(kernels)
@@ -127,7 +138,7 @@ class PileSolver:
         self._tentative = True
         stepped = Stepped(
             *(self._all.results, self._all.wrenches, self._notes[:, of_pile.SWEPT], self._notes[:, of_pile.SUBSTEPS]),
-            dissipated,
+            *(dissipated, between.met),
         )
         reply = reply_of(request.header, awake, stepped, notes, time.perf_counter() - began)
         return replace(reply, fields=self.fields(request.header)) if request.fields else reply
@@ -224,20 +235,26 @@ class PileSolver:
     def snapshot(self) -> bytes:
         """Commit, then the snapshots of all bodies, see `softseam_protocol.participant.state`."""
         self.commit()
-        return join_states(encode_state(self._committed(piece), np.zeros(0)) for piece in self.pieces)
+        touched = (self._between.of_body(number, self._now) for number in range(len(self.pieces)))
+        states = zip(map(self._committed, self.pieces), touched, strict=True)
+        return join_states(encode_state(state, forces) for state, forces in states)
 
     def restore(self, state: bytes) -> None:
         """Take over a snapshot of the same bodies; a tentative step is dropped. Raises ValueError for others."""
         parts = split_states(state)
         if len(parts) != len(self.pieces):
             raise ValueError(f"the snapshot is of {len(parts)} bodies, the pile has {len(self.pieces)}")
-        kept = self._all.buffers[self._now].copy()
+        kept, between = self._all.buffers[self._now].copy(), self._between
         try:
-            for part, piece in zip(parts, self.pieces, strict=True):
-                decode_state(part, self._committed(piece), 0)
+            forces = [
+                decode_state(part, self._committed(piece), between.size_of(number))
+                for number, (part, piece) in enumerate(zip(parts, self.pieces, strict=True))
+            ]
         except ValueError:
             self._all.buffers[self._now][:] = kept
             raise
+        for number, own in enumerate(forces):
+            between.load(number, self._now, own)
         self._tentative = False
         self._same[:] = False
         self._see_unshared()
@@ -259,6 +276,8 @@ class Stepped(NamedTuple):
     substeps: NDArray[np.int64]
     dissipated: Floats
     """(b,) [J]"""
+    met: list[Met]
+    """what contacts between them did"""
 
 
 def reply_of(
@@ -291,6 +310,8 @@ def reply_of(
         np.ascontiguousarray(rows[k.BOUNDS : k.BOUNDS + 3].T),
         np.ascontiguousarray(rows[k.BOUNDS + 3 : k.BOUNDS + 6].T),
         notes,
+        stepped.met,
+        rows[k.SEAM_WORK],
     )
     bounds = np.zeros((2, 3))
     if len(awake):

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import Configure, Configured
 from softseam_protocol.participant.solver import Solver
+from softseam_protocol.scene.file import scene_from_bundle
+from softseam_protocol.scene.interfaces import contacts_among
 from softseam_protocol.scene.models import ModelsSpec
 from softseam_services.body.body import Body, Region
 from softseam_services.body.particles import ParticleBody
@@ -40,9 +42,15 @@ def build(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Confi
 
 def build_pile(setups: Sequence[Setup], request: Configure) -> tuple[Solver, Configured]:
     """A pile of bodies in cells."""
+    from softseam_services.pbd.between import Contact
     from softseam_services.pbd.pile import PileSolver
 
-    solver = PileSolver(setups, request.states)
+    places, scene = {name: place for place, name in enumerate(request.bodies)}, scene_from_bundle(request.bundle)
+    contacts = {
+        name: Contact((places[spec.between[0]], places[spec.between[1]]), spec.friction)
+        for name, spec in contacts_among(request.bodies, scene.interfaces).items()
+    }
+    solver = PileSolver(setups, request.states, contacts)
     n_nodes = sum(piece.model.n_nodes for piece in solver.pieces)
     n_cells = sum(piece.body.n_cells for piece in solver.pieces)
     begun = solver.begun

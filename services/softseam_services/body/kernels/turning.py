@@ -248,26 +248,29 @@ def add_field(matrix, sums, x, v, out):
 
 
 @njit(cache=True, error_model="numpy")
-def give_back(mass, x_before, v_before, x, v, axis, dt, n_substeps, alone):
+def give_back(mass, x_before, v_before, x, v, axis, dt, n_substeps, known, turned):
     """w_c of eq. (3) after a step of dt [s] in so many substeps, of v (n, 3) in place; whether it was given.
 
-    x_before, v_before: as the step began; alone: nothing acted from outside, so that what the sweeps made of a spin
-    goes, too
+    x_before, v_before: as the step began; known: whether what acted from outside gave no angular momentum about the
+    centre but turned (3,) [kg m^2/s], so that what the sweeps made of a spin goes, too
     """
     start, end = np.zeros(N_SUMS), np.zeros(N_SUMS)
     began = turning_rate(mass, x_before, v_before, axis, start)
     rate = turning_rate(mass, x, v, axis, end)
-    if not (began * dt > LEAST_TURN or (alone and rate * dt > LEAST_TURN)):
+    if not (began * dt > LEAST_TURN or (known and rate * dt > LEAST_TURN)):
         return False
     torque, lost, after = np.zeros(3), np.zeros(3), np.zeros((3, 3))
-    if not alone:
+    if known:
+        for i in range(3):
+            torque[i] = turned[i]
+    else:
         find_lost(start, lost)
         for i in range(3):
             torque[i] += 0.5 * dt * dt / n_substeps * lost[i]
         find_lost(end, lost)
         for i in range(3):
             torque[i] += 0.5 * dt * dt / n_substeps * lost[i]
-    find_rest(start if alone else end, end, torque, 1.0, after)
+    find_rest(start if known else end, end, torque, 1.0, after)
     add_field(after, end, x, v, v)
     return True
 

@@ -187,12 +187,13 @@ def solve_softly(row, motion, hh, newer):
 
 
 @njit(cache=True, error_model="numpy")
-def project_contacts(model, parameters, contacts, xw, hh):
+def project_contacts(model, parameters, contacts, xw, hh, squeezed):
     """Solve (1) and (2) for each pair once, group by group, with the tools as at the end of the substep.
 
     contacts  see `pairs`, updated in place
     xw        (n + 8, 4)  positions and inverse masses; positions updated in place
     hh        the substep squared [s^2]
+    squeezed  whether what is beyond a seam, or another body, may press the body against a tool
     """
     indptr, node, weight = model.indptr, model.node, parameters.weight
     kind, shape = parameters.kind, parameters.shape
@@ -206,7 +207,7 @@ def project_contacts(model, parameters, contacts, xw, hh):
     n_near = 0
     for tool in range(len(kind)):
         n_near += start[tool + 1] > start[tool]
-    alone = lends if n_near == 1 and len(model.seam) == 0 else NO_MEMORY  # what is beyond a seam may be squeezed
+    alone = lends if n_near == 1 and not squeezed else NO_MEMORY
     for tool in range(len(kind)):
         tool_kind, tool_shape = kind[tool], shape[tool]
         place, turn = three(position, tool), four(orientation, tool)

@@ -4,6 +4,8 @@ Each is advanced as `pbd.step` advances one alone, by the same kernels, tried ag
 the bit.
 """
 
+import numpy as np
+
 from softseam_services.body.kernels.turning import give_back
 from softseam_services.jit import njit
 
@@ -34,11 +36,19 @@ LAGGED = 4
 
 
 @njit(cache=True, error_model="numpy")
-def _attempt(member, inputs, number, dt, team, ws, notes):
-    """One attempt at a step of a body, from `before` into `after`; see `pbd.step.attempt`."""
-    model, parameters, scratch, outputs = member.model, member.parameters, member.scratch, member.outputs
-    before, work, result = member.before, member.after, member.outputs.result
-    work.buffer[:] = before.buffer
+def substeps_and_sweeps(member, number):
+    """Of an attempt of this number at a step of a body."""
+    n_sweeps = member.sweeps + number
+    if needs_two_sweeps(member.before.monitor):
+        n_sweeps = max(n_sweeps, 2)
+    return member.substeps << (number + int(member.before.monitor[HALVINGS])), n_sweeps
+
+
+@njit(cache=True, error_model="numpy")
+def begin_attempt(member, inputs, number, dt):
+    """An attempt at a step of a body begins in `after` where `before` is."""
+    model, parameters, scratch, work = member.model, member.parameters, member.scratch, member.after
+    work.buffer[:] = member.before.buffer
     if work.monitor[STRETCH] < COLLAPSED:
         give_shape(work.x, parameters.x_rest)
     if number >= COLD:
@@ -46,26 +56,27 @@ def _attempt(member, inputs, number, dt, team, ws, notes):
         work.a[:] = 0.0
         work.force[:] = 0.0
         work.steady[:] = 0.0
-    n_substeps = member.substeps << (number + int(work.monitor[HALVINGS]))
-    n_sweeps = member.sweeps + number
-    if needs_two_sweeps(work.monitor):
-        n_sweeps = max(n_sweeps, 2)
     scratch.used[:] = 0
     find_slow(
         *(member.own_mass, work.v, inputs.position, inputs.position_next, dt, member.slowly),
         *(scratch.contacts.slow,),
     )
     find_patches(model, parameters, work.x, scratch.contacts.patch)
-    advance_step(
-        *(model, parameters, work, inputs, scratch, outputs, dt, n_substeps, n_sweeps, member.all, team, 0, ws),
-    )
+
+
+@njit(cache=True, error_model="numpy")
+def end_attempt(member, number, dt, n_substeps, n_sweeps, turned, notes):
+    """An attempt at a step of a body came to its end; turned (3,) is what other bodies gave it of angular momentum
+    about its centre [kg m^2/s]."""
+    parameters, scratch, outputs = member.parameters, member.scratch, member.outputs
+    before, work = member.before, member.after
     if number == 0 and member.turns:
         alone = parameters.mass_rate == 0.0
         for tool in range(len(outputs.wrench)):
             for c in range(6):
                 alone = alone and outputs.wrench[tool, c] == 0.0
-        if give_back(parameters.mass, before.x, before.v, work.x, work.v, -1, dt, n_substeps, alone):
-            summarise_motion(parameters, work.x, work.v, result)
+        if give_back(parameters.mass, before.x, before.v, work.x, work.v, -1, dt, n_substeps, alone, turned):
+            summarise_motion(parameters, work.x, work.v, outputs.result)
     notes[SUBSTEPS], notes[SWEEPS] = n_substeps, n_sweeps
     notes[UNFINISHED] = 0
     swept = n_substeps * max(n_sweeps, 1)
@@ -79,21 +90,42 @@ def _attempt(member, inputs, number, dt, team, ws, notes):
 
 
 @njit(cache=True, error_model="numpy")
+def judge(member, number, notes):
+    """Whether an attempt at a step of a body is to be made again, and why. notes: what is wrong with it, in place."""
+    result, monitor = member.outputs.result, member.before.monitor
+    fault = fault_of(result, monitor, member.roundoff)
+    notes[ATTEMPT], notes[FAULT] = number, fault
+    lagging = number == 0 and grows(result, monitor)
+    return fault != NONE or lagging, fault if fault != NONE else LAGGED
+
+
+@njit(cache=True, error_model="numpy")
+def keep_figures(member, notes):
+    """The last attempt stands: remember its figures in `after`."""
+    if notes[FAULT] != DIVERGED:
+        notes[HALVED] = remember(member.after.monitor, member.outputs.result, member.roundoff)
+
+
+@njit(cache=True, error_model="numpy")
 def _step(member, inputs, dt, team, ws, notes):
     """A step of a body, tried until it is believed; see `pbd.step.step`."""
-    result, monitor, floor = member.outputs.result, member.before.monitor, member.roundoff
+    free = np.zeros(3)
     notes[:] = 0
     cause = NONE
     for number in range(RETRIES + 1):
-        _attempt(member, inputs, number, dt, team, ws, notes)
-        fault = fault_of(result, monitor, floor)
-        notes[ATTEMPT], notes[CAUSE], notes[FAULT] = number, cause, fault
-        lagging = number == 0 and grows(result, monitor)
-        if fault == NONE and not lagging:
+        begin_attempt(member, inputs, number, dt)
+        n_substeps, n_sweeps = substeps_and_sweeps(member, number)
+        advance_step(
+            *(member.model, member.parameters, member.after, inputs, member.scratch, member.outputs, dt),
+            *(n_substeps, n_sweeps, member.all, team, 0, ws),
+        )
+        end_attempt(member, number, dt, n_substeps, n_sweeps, free, notes)
+        again, next_cause = judge(member, number, notes)
+        notes[CAUSE] = cause
+        if not again:
             break
-        cause = fault if fault != NONE else LAGGED
-    if notes[FAULT] != DIVERGED:
-        notes[HALVED] = remember(member.after.monitor, result, floor)
+        cause = next_cause
+    keep_figures(member, notes)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -36,6 +36,49 @@ def sweep_together(model, parameters, stress, scratch, kappa, h, parts, worker, 
 
 
 @njit(cache=True, error_model="numpy")
+def begin_together(model, parameters, stress, scratch, share, h, parts, worker, team, before, stretch, ws):
+    """`begin_damping` of all blocks, by the `damping_share` of a substep of h [s]. Returns before and stretch then."""
+    for part in range(len(parts) - 1):
+        begin, n = parts[part], parts[part + 1] - parts[part]
+        first, end = first_range(team, before, stretch, n, worker, LEAST)
+        while first < end:
+            begin_damping(
+                *(ws, scratch.xw, model.blocks, parameters.constants, parameters.law, share, h * h),
+                *(scratch.asked, scratch.frame, stress),
+                *(begin + first, begin + end),
+            )
+            first, end = next_range(team, stretch, worker, end - first, LEAST)
+        before, stretch = before + n, stretch + 1
+    return before, stretch
+
+
+@njit(cache=True, error_model="numpy")
+def end_together(model, stress, scratch, share, worker, team, before, stretch):
+    """`end_damping` of all blocks. Returns before and stretch as they are then."""
+    n = len(model.blocks)
+    first, end = first_range(team, before, stretch, n, worker, LEAST)
+    while first < end:
+        end_damping(share, scratch.asked, stress, first, end)
+        first, end = next_range(team, stretch, worker, end - first, LEAST)
+    return before + n, stretch + 1
+
+
+@njit(cache=True, error_model="numpy")
+def sweep_round(model, parameters, stress, scratch, round_, share, h, parts, worker, team, before, stretch, ws):
+    """What comes before the contacts of a round: a sweep, after the first round, where damping begins. Returns before
+    and stretch as they are then."""
+    if round_ > 0:
+        kappa = max(parameters.kappa, LEAST_KAPPA) if share > 0.0 else parameters.kappa
+        blocks_h = h * np.sqrt(1.0 + share)
+        return sweep_together(
+            model, parameters, stress, scratch, kappa, blocks_h, parts, worker, team, before, stretch, ws
+        )
+    if share > 0.0:
+        return begin_together(model, parameters, stress, scratch, share, h, parts, worker, team, before, stretch, ws)
+    return before, stretch
+
+
+@njit(cache=True, error_model="numpy")
 def relax(model, parameters, stress, scratch, substep, n_sweeps, h, parts, worker, team, before, stretch, ws):
     """Move scratch.xw from the prediction to the end of the substep, and stress (b, N_STRESS) with it.
 
@@ -44,31 +87,15 @@ def relax(model, parameters, stress, scratch, substep, n_sweeps, h, parts, worke
     are done, or where the residual is below the tolerance. The softness of blocks that tools hold is updated in place,
     see `hold`. Returns before and stretch as they are then.
     """
-    xw, contacts, kappa = scratch.xw, scratch.contacts, parameters.kappa
+    contacts = scratch.contacts
     share = damping_share(parameters.stiffness_time, parameters.lag, h, n_sweeps)
-    blocks_h = h * np.sqrt(1.0 + share)
-    if share > 0.0:
-        kappa = max(kappa, LEAST_KAPPA)
     for round_ in range(n_sweeps + 1):
-        if round_ > 0:
-            before, stretch = sweep_together(
-                model, parameters, stress, scratch, kappa, blocks_h, parts, worker, team, before, stretch, ws
-            )
-        elif share > 0.0:
-            for part in range(len(parts) - 1):
-                begin, n = parts[part], parts[part + 1] - parts[part]
-                first, end = first_range(team, before, stretch, n, worker, LEAST)
-                while first < end:
-                    begin_damping(
-                        *(ws, xw, model.blocks, parameters.constants, parameters.law, share, h * h),
-                        *(scratch.asked, scratch.frame, stress),
-                        *(begin + first, begin + end),
-                    )
-                    first, end = next_range(team, stretch, worker, end - first, LEAST)
-                before, stretch = before + n, stretch + 1
+        before, stretch = sweep_round(
+            model, parameters, stress, scratch, round_, share, h, parts, worker, team, before, stretch, ws
+        )
         if worker == 0:
             wait_for(team, before)
-            project_contacts(model, parameters, contacts, xw, h * h)
+            project_contacts(model, parameters, contacts, scratch.xw, h * h, len(model.seam) > 0)
             if round_ < n_sweeps:
                 soften_held_blocks(model, parameters, contacts, scratch.softness)
             done(team, worker, 1)
@@ -80,11 +107,7 @@ def relax(model, parameters, stress, scratch, substep, n_sweeps, h, parts, worke
             if scratch.used[substep] == round_:
                 break
     if share > 0.0:
-        first, end = first_range(team, before, stretch, len(model.blocks), worker, LEAST)
-        while first < end:
-            end_damping(share, scratch.asked, stress, first, end)
-            first, end = next_range(team, stretch, worker, end - first, LEAST)
-        before, stretch = before + len(model.blocks), stretch + 1
+        before, stretch = end_together(model, stress, scratch, share, worker, team, before, stretch)
     return before, stretch
 
 

@@ -81,106 +81,123 @@ def finish(xw, x_star, x, v, a, h, first, end):
             x[i, c] = now
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_substeps, n_sweeps, parts, team, worker, ws):
-    """Advance the state by dt; what comes out is overwritten, and is that of `Advanced`.
-
-    Run by one thread, or by two with a workspace `ws` each and the same `team`; what is not shared is worker 0's.
-    """
-    x, v, a, stress = state.x, state.v, state.a, state.stress
-    nodes, volume, constants, law = model.blocks, parameters.volume, parameters.constants, parameters.law
-    position, orientation = inputs.position, inputs.orientation
-    position_next, orientation_next = inputs.position_next, inputs.orientation_next
+@njit(cache=True, error_model="numpy")
+def open_step(model, parameters, state, inputs, scratch, dt, h):
+    """What a step of dt [s] in substeps of h [s] begins with: positions, pushes, pairs that may touch. Returns what the
+    seam's forces did so far, less what they do at the end [J]."""
+    x, v = state.x, state.v
     contacts, seam, gravity = scratch.contacts, model.seam, parameters.gravity
-    pose, quaternion, motion, point_x = contacts.position, contacts.orientation, contacts.motion, contacts.point_x
-    xw, x_star, push, pull, figures = scratch.xw, scratch.x_star, scratch.push, scratch.pull, scratch.figures
-    seam_force, seam_growth, result = inputs.seam_force, inputs.seam_growth, outputs.result
+    xw, push, pull, seam_force = scratch.xw, scratch.push, scratch.pull, inputs.seam_force
     n = len(x)
-    h = dt / n_substeps
-    keep = np.exp(-parameters.mass_rate * h)
-    share = damping_share(parameters.stiffness_time, parameters.lag, h, n_sweeps)
-    before, stretch = 1, 0
     seam_work = 0.0
-    if worker == 0:
-        state.force_mean[:] = 0.0
-        for i in range(n):
-            free = xw[i, 3] > 0.0
-            for c in range(3):
-                push[i, c] = gravity[c] if free else 0.0
-                xw[i, c] = x[i, c]
-        for s in range(len(seam)):
-            i = seam[s]
-            for c in range(3):
-                push[i, c] += xw[i, 3] * seam_force[s, c]
-        for s in range(len(seam)):
-            for c in range(3):
-                seam_work -= seam_force[s, c] * x[seam[s], c]
-        pull[:] = 0.0
-        place_points(model, parameters, xw, point_x)
-        fastest = 0.0
-        for i in range(n):
-            square = v[i, 0] ** 2 + v[i, 1] ** 2 + v[i, 2] ** 2
-            fastest = max(fastest, square)
-        way = dt * np.sqrt(fastest)
-        travel = look_ahead(parameters, inputs, contacts, x, way)
-        find_pairs(model, parameters, state, inputs, contacts, parameters.margin + 2.0 * (way + travel), h * h)
-        copy_rows(contacts.found_at, xw)
-        copy_rows(scratch.softness, parameters.softness)
-        find_held_blocks(model, parameters, contacts)
-        tool_pose(0.0, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
-        done(team, worker, 1)
+    state.force_mean[:] = 0.0
+    for i in range(n):
+        free = xw[i, 3] > 0.0
+        for c in range(3):
+            push[i, c] = gravity[c] if free else 0.0
+            xw[i, c] = x[i, c]
+    for s in range(len(seam)):
+        i = seam[s]
+        for c in range(3):
+            push[i, c] += xw[i, 3] * seam_force[s, c]
+    for s in range(len(seam)):
+        for c in range(3):
+            seam_work -= seam_force[s, c] * x[seam[s], c]
+    pull[:] = 0.0
+    place_points(model, parameters, xw, contacts.point_x)
+    fastest = 0.0
+    for i in range(n):
+        square = v[i, 0] ** 2 + v[i, 1] ** 2 + v[i, 2] ** 2
+        fastest = max(fastest, square)
+    way = dt * np.sqrt(fastest)
+    travel = look_ahead(parameters, inputs, contacts, x, way)
+    find_pairs(model, parameters, state, inputs, contacts, parameters.margin + 2.0 * (way + travel), h * h)
+    copy_rows(contacts.found_at, xw)
+    copy_rows(scratch.softness, parameters.softness)
+    find_held_blocks(model, parameters, contacts)
+    tool_pose(
+        *(0.0, inputs.position, inputs.orientation, inputs.position_next, inputs.orientation_next),
+        *(contacts.position[1], contacts.orientation[1]),
+    )
+    return seam_work
+
+
+@njit(cache=True, error_model="numpy")
+def pull_blocks(model, parameters, state, scratch, parts, team, worker, before, stretch, ws):
+    """Forces of the blocks into scratch.pull (n + 8, 4) [N]. Returns before and stretch as they are then."""
     for part in range(len(parts) - 1):
         begin, n_batches = parts[part], parts[part + 1] - parts[part]
         first, end = first_range(team, before, stretch, n_batches, worker, LEAST_BATCHES)
         while first < end:
-            block_forces(ws, nodes, stress, constants, pull, begin + first, begin + end)
+            block_forces(ws, model.blocks, state.stress, parameters.constants, scratch.pull, begin + first, begin + end)
             first, end = next_range(team, stretch, worker, end - first, LEAST_BATCHES)
         before, stretch = before + n_batches, stretch + 1
-    if worker == 0:
-        wait_for(team, before)
-        carried(model, parameters, state, xw, pull)
-        done(team, worker, 1)
-    before += 1
-    for substep in range(n_substeps):
-        if worker == 0:
-            wait_for(team, before)
-            copy_rows(pose[0], pose[1])
-            copy_rows(quaternion[0], quaternion[1])
-            fraction = (substep + 1) / n_substeps
-            tool_pose(fraction, position, orientation, position_next, orientation_next, pose[1], quaternion[1])
-            tool_motions(pose[0], quaternion[0], pose[1], quaternion[1], motion)
-            begun_before(constants.table, dt * fraction)
-            if substep > 0:
-                for s in range(len(seam_growth)):
-                    i = seam[s]
-                    for c in range(3):
-                        push[i, c] += xw[i, 3] * seam_growth[s, c]
-                        seam_work -= seam_growth[s, c] * x[i, c]
-            begin_pairs(model, parameters, contacts, xw, a, h)
-            done(team, worker, 1)
-        before += 1
-        if share > 0.0:
-            first, end = first_range(team, before, stretch, len(nodes), worker, LEAST_BATCHES)
-            while first < end:
-                note_shapes(ws, xw, nodes, volume, constants, law, scratch.asked, scratch.frame, first, end)
-                first, end = next_range(team, stretch, worker, end - first, LEAST_BATCHES)
-            before, stretch = before + len(nodes), stretch + 1
-        first, end = first_range(team, before, stretch, n, worker, LEAST)
+    return before, stretch
+
+
+@njit(cache=True, error_model="numpy")
+def open_substep(model, parameters, state, inputs, scratch, dt, h, substep, n_substeps):
+    """Tools, forces on the seam and pairs as a substep begins. Returns what those forces did, as of `open_step`."""
+    contacts, seam, xw, push, x = scratch.contacts, model.seam, scratch.xw, scratch.push, state.x
+    pose, quaternion, seam_growth = contacts.position, contacts.orientation, inputs.seam_growth
+    seam_work = 0.0
+    copy_rows(pose[0], pose[1])
+    copy_rows(quaternion[0], quaternion[1])
+    fraction = (substep + 1) / n_substeps
+    tool_pose(
+        *(fraction, inputs.position, inputs.orientation, inputs.position_next, inputs.orientation_next),
+        *(pose[1], quaternion[1]),
+    )
+    tool_motions(pose[0], quaternion[0], pose[1], quaternion[1], contacts.motion)
+    begun_before(parameters.constants.table, dt * fraction)
+    if substep > 0:
+        for s in range(len(seam_growth)):
+            i = seam[s]
+            for c in range(3):
+                push[i, c] += xw[i, 3] * seam_growth[s, c]
+                seam_work -= seam_growth[s, c] * x[i, c]
+    begin_pairs(model, parameters, contacts, xw, state.a, h)
+    return seam_work
+
+
+@njit(cache=True, error_model="numpy")
+def predict_all(model, parameters, state, scratch, h, share, team, worker, before, stretch, ws):
+    """x* of all nodes, and what damping, by its `damping_share`, notes of shapes. Returns before and stretch then."""
+    nodes, n = model.blocks, len(state.x)
+    keep = np.exp(-parameters.mass_rate * h)
+    if share > 0.0:
+        first, end = first_range(team, before, stretch, len(nodes), worker, LEAST_BATCHES)
         while first < end:
-            predict(xw, x_star, x, v, a, push, keep, h, first, end)
-            first, end = next_range(team, stretch, worker, end - first, LEAST)
-        before, stretch = before + n, stretch + 1
-        before, stretch = relax(
-            model, parameters, stress, scratch, substep, n_sweeps, h, parts, worker, team, before, stretch, ws
-        )
-        first, end = first_range(team, before, stretch, n, worker, LEAST)
-        while first < end:
-            finish(xw, x_star, x, v, a, h, first, end)
-            first, end = next_range(team, stretch, worker, end - first, LEAST)
-        before, stretch = before + n, stretch + 1
-        if worker == 0:
-            # The positions in xw stay until the next prediction, which waits for this.
-            account_pairs(model, parameters, contacts, xw, 1.0 / n_substeps)
+            note_shapes(
+                *(ws, scratch.xw, nodes, parameters.volume, parameters.constants, parameters.law, scratch.asked),
+                *(scratch.frame, first, end),
+            )
+            first, end = next_range(team, stretch, worker, end - first, LEAST_BATCHES)
+        before, stretch = before + len(nodes), stretch + 1
+    first, end = first_range(team, before, stretch, n, worker, LEAST)
+    while first < end:
+        predict(scratch.xw, scratch.x_star, state.x, state.v, state.a, scratch.push, keep, h, first, end)
+        first, end = next_range(team, stretch, worker, end - first, LEAST)
+    return before + n, stretch + 1
+
+
+@njit(cache=True, error_model="numpy")
+def finish_all(state, scratch, h, team, worker, before, stretch):
+    """The end of a substep, of all nodes. Returns before and stretch as they are then."""
+    n = len(state.x)
+    first, end = first_range(team, before, stretch, n, worker, LEAST)
+    while first < end:
+        finish(scratch.xw, scratch.x_star, state.x, state.v, state.a, h, first, end)
+        first, end = next_range(team, stretch, worker, end - first, LEAST)
+    return before + n, stretch + 1
+
+
+@njit(cache=True, error_model="numpy")
+def look_at_blocks(model, parameters, state, scratch, share, team, worker, before, stretch, ws):
+    """Energies and residuals of the blocks as a step ends, into scratch.figures, and what materials remember. Returns
+    before as it is then."""
+    nodes, volume, constants, law = model.blocks, parameters.volume, parameters.constants, parameters.law
+    xw, figures = scratch.xw, scratch.figures
     if len(nodes) > 0 and remembers(of_batch(constants, 0)):
         first, end = first_range(team, before, stretch, len(nodes), worker, LEAST_BATCHES)
         while first < end:
@@ -188,15 +205,19 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
             first, end = next_range(team, stretch, worker, end - first, LEAST_BATCHES)
         before, stretch = before + len(nodes), stretch + 1
     first, end = first_range(team, before, stretch, len(nodes), worker, LEAST_BATCHES)
-    applied = scratch.asked if share > 0.0 else stress
+    applied = scratch.asked if share > 0.0 else state.stress
     while first < end:
         batch_energies(ws, xw, nodes, volume, constants, law, first, end, figures)
         batch_residuals(ws, xw, nodes, volume, applied, constants, law, first, end, figures)
         first, end = next_range(team, stretch, worker, end - first, LEAST_BATCHES)
-    before += len(nodes)
-    if worker > 0:
-        return
-    wait_for(team, before)
+    return before + len(nodes)
+
+
+@njit(cache=True, error_model="numpy")
+def close_step(model, parameters, state, inputs, scratch, outputs, n_substeps, seam_work):
+    """What came of a step, once blocks were looked at; seam_work as of `open_step` and `open_substep` [J]."""
+    x, contacts, seam, result = state.x, scratch.contacts, model.seam, outputs.result
+    seam_force, seam_growth = inputs.seam_force, inputs.seam_growth
     tool_work = store_pairs(contacts, state, outputs.wrench)
     for s in range(len(seam)):
         for c in range(3):
@@ -204,13 +225,54 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
     for s in range(len(seam_growth)):
         for c in range(3):
             seam_work += (n_substeps - 1) * seam_growth[s, c] * x[seam[s], c]
-    place_points(model, parameters, xw, point_x)
-    follow(x, v, model.hanging)
+    place_points(model, parameters, scratch.xw, contacts.point_x)
+    follow(x, state.v, model.hanging)
     summarise(parameters, state, contacts, n_substeps, result)
-    result[STRAIN], result[LEAST_J] = strain_energy(figures)
-    result[RESIDUAL], result[STRETCH] = residual(figures)
+    result[STRAIN], result[LEAST_J] = strain_energy(scratch.figures)
+    result[RESIDUAL], result[STRETCH] = residual(scratch.figures)
     result[TOOL_WORK], result[SEAM_WORK] = tool_work, seam_work
     cell_distances(
-        *(x, model.cell_nodes, parameters.kind, parameters.shape, pose[1], quaternion[1], parameters.followed),
-        *(scratch.node_gap, outputs.distance),
+        *(x, model.cell_nodes, parameters.kind, parameters.shape, contacts.position[1], contacts.orientation[1]),
+        *(parameters.followed, scratch.node_gap, outputs.distance),
     )
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_substeps, n_sweeps, parts, team, worker, ws):
+    """Advance the state by dt; what comes out is overwritten, and is that of `Advanced`.
+
+    Run by one thread, or by two with a workspace `ws` each and the same `team`; what is not shared is worker 0's.
+    """
+    contacts, xw = scratch.contacts, scratch.xw
+    h = dt / n_substeps
+    share = damping_share(parameters.stiffness_time, parameters.lag, h, n_sweeps)
+    before, stretch = 1, 0
+    seam_work = 0.0
+    if worker == 0:
+        seam_work = open_step(model, parameters, state, inputs, scratch, dt, h)
+        done(team, worker, 1)
+    before, stretch = pull_blocks(model, parameters, state, scratch, parts, team, worker, before, stretch, ws)
+    if worker == 0:
+        wait_for(team, before)
+        carried(model, parameters, state, xw, scratch.pull)
+        done(team, worker, 1)
+    before += 1
+    for substep in range(n_substeps):
+        if worker == 0:
+            wait_for(team, before)
+            seam_work += open_substep(model, parameters, state, inputs, scratch, dt, h, substep, n_substeps)
+            done(team, worker, 1)
+        before += 1
+        before, stretch = predict_all(model, parameters, state, scratch, h, share, team, worker, before, stretch, ws)
+        before, stretch = relax(
+            model, parameters, state.stress, scratch, substep, n_sweeps, h, parts, worker, team, before, stretch, ws
+        )
+        before, stretch = finish_all(state, scratch, h, team, worker, before, stretch)
+        if worker == 0:
+            # The positions in xw stay until the next prediction, which waits for this.
+            account_pairs(model, parameters, contacts, xw, 1.0 / n_substeps)
+    before = look_at_blocks(model, parameters, state, scratch, share, team, worker, before, stretch, ws)
+    if worker > 0:
+        return
+    wait_for(team, before)
+    close_step(model, parameters, state, inputs, scratch, outputs, n_substeps, seam_work)

@@ -1,0 +1,102 @@
+"""A pile whose bodies touch: it rests, sleeps, wakes and is restored; who touches nothing is as without contact."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from cubes import cube, scene_of
+
+import softseam
+from softseam_protocol.scene.scene import Scene
+
+EDGE, GAP = 0.05, 2e-4
+MASS = 1000.0 * EDGE**3
+MATERIAL = {"young": 1e5, "poisson": 0.3, "density": 1000.0, "retardation_time": 0.02}
+
+
+def piled(side: int, layers: int, **keys: Any) -> Scene:
+    """side x side towers of cubes, each above, beside and behind another, a little apart."""
+    places = {f"cube{x}{y}{z}": (x, y, z) for z in range(layers) for y in range(side) for x in range(side)}
+    bodies = {
+        name: cube(0, 1, position=[EDGE * x + GAP * x, EDGE * y + GAP * y, EDGE * z + GAP * z], material=MATERIAL)
+        for name, (x, y, z) in places.items()
+    }
+    touch = {
+        f"{one}_{other}": {"kind": "contact", "between": [one, other], "friction": 0.4}
+        for one, at in places.items()
+        for other, beside in places.items()
+        if sorted(np.subtract(beside, at)) == [0, 0, 1]
+    }
+    scene = scene_of(bodies, interfaces=touch, duration=1.0, **keys)
+    return Scene.model_validate(json.loads(scene.model_dump_json(exclude_unset=True)))
+
+
+def test_a_pile_of_eight_rests() -> None:
+    """The ground carries the weights to 1e-9, kinetic energy is below 1e-12 m g h and nothing moves by 1e-12 m."""
+    with softseam.open(piled(2, 2)) as sim:
+        sim.reset(seed=0)
+        seen = [sim.step() for _ in range(200)]
+    still = seen[-1]
+    assert len(still.report.interfaces) == 12
+    assert -still.wrench["ground"][2] == pytest.approx(8.0 * MASS * 9.81, rel=1e-9)
+    assert still.energies["kinetic"] < 1e-12 * MASS * 9.81 * EDGE
+    for name, body in still.bodies.items():
+        assert np.abs(body.positions - seen[-20].bodies[name].positions).max() < 1e-12
+
+
+def test_a_pile_of_eight_sleeps_and_wakes() -> None:
+    """All of it at once, as interfaces join it: until a ball comes near one of its bodies, and presses that."""
+    ball = {"kind": "sphere", "radius": 0.01, "position": [0.03, 0.03, 0.18]}
+    tools = {"ground": {"kind": "plane", "friction": 0.5}, "ball": ball}
+    motion = [{"hold": 1.0}, {"tools": ["ball"], "move": [0, 0, -0.075], "speed": 0.5}]
+    scene = piled(2, 2, sleep="calm", tools=tools, motion=motion)
+    with softseam.open(scene.model_copy(update={"duration": 1.3})) as sim:
+        sim.reset(seed=0)
+        still = [sim.step() for _ in range(199)][-1]
+        later = [sim.step() for _ in range(60)]
+    worked = [one.report.parts["cube000.far"].iterations for one in (still, *later)]
+    assert worked[0] == 0 < max(worked)
+    assert -still.wrench["ground"][2] == pytest.approx(8.0 * MASS * 9.81, rel=2e-3)
+    events = [event.message for one in later for event in one.events if event.kind == "sleep"]
+    assert len(events) == 1 and all(name in events[0] for name in still.bodies)
+    assert abs(later[-1].wrench["ball"][2]) > 1e-3
+
+
+def test_bodies_that_do_not_touch_are_as_without_contact() -> None:
+    """To the bit, though interfaces name them: beside a pair that does touch."""
+    apart = {"free0": cube(1, 4), "free1": cube(2, 4, velocity=[0.0, 0.0, 0.1])}
+    pair = {"low": cube(0, 4, position=[0.0, 0.0, 0.0]), "high": cube(0, 4, position=[0.01, 0.0, EDGE + 1e-4])}
+    touch = {"kind": "contact"}
+    with softseam.open(scene_of(pair | apart)) as sim:
+        without = sim.run(max_steps=40, fields=True)
+    named = {"a": touch | {"between": ["low", "high"]}, "b": touch | {"between": ["free0", "free1"]}}
+    with softseam.open(scene_of(pair | apart, interfaces=named)) as sim:
+        seen = sim.run(max_steps=40, fields=True)
+    for name in apart:
+        np.testing.assert_array_equal(seen.bodies[name].positions, without.bodies[name].positions)
+    middles = [one.bodies["high"].positions[:, 2].mean() for one in (without, seen)]
+    assert middles[0] < 1.4 * EDGE < middles[1] and seen.report.interfaces["b"].n_nodes == 0
+
+
+def test_groups_come_and_go_with_the_same_bits() -> None:
+    """Four that fall one on the other, saved before and while they touch."""
+    bodies = {f"cube{k}": cube(0, 1, position=[2e-3 * k, 0.0, (EDGE + 0.01) * k], material=MATERIAL) for k in range(4)}
+    touch = {f"t{k}": {"kind": "contact", "between": [f"cube{k}", f"cube{k + 1}"]} for k in range(3)}
+    with softseam.open(scene_of(bodies, interfaces=touch)) as sim:
+        sim.reset(seed=0)
+        first, kept = [], []
+        for _ in range(40):
+            kept.append(sim.snapshot())
+            first.append(sim.step())
+        points = [tuple(report.n_nodes for report in one.report.interfaces.values()) for one in first]
+        assert (0, 0, 0) in points and len({tuple(n > 0 for n in each) for each in points}) > 2
+        for at in (3, 16, 30):
+            sim.restore(kept[at])
+            for one in first[at : at + 6]:
+                again = sim.step()
+                for name in bodies:
+                    np.testing.assert_array_equal(again.bodies[name].positions, one.bodies[name].positions)
+                assert again.report.interfaces == one.report.interfaces
