@@ -132,5 +132,5 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     for line in lines:
         terminalreporter.write_line(f"LEFT OUT {line}")
     if LEFT_OUT and lines:
-        with Path(LEFT_OUT).open("a") as file:
-            file.writelines(f"{line}\n" for line in lines)
+        with Path(LEFT_OUT).open("a") as said:
+            said.writelines(f"{line}\n" for line in lines)

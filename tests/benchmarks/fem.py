@@ -28,7 +28,6 @@ from softseam_services.fem.kernels.contact import add_contact_forces, evaluate_c
 from softseam_services.fem.kernels.elements import add_cell_tangents
 from softseam_services.fem.kernels.fronts import ALL, OWN, add_diagonal, factor, solve
 from softseam_services.fem.kernels.newton import residual
-from softseam_services.fem.tree import Factoring
 
 SIZES = ((4, 1, 1), (2, 2, 2), (3, 3, 3), (4, 4, 4), (5, 5, 5), (7, 7, 7), (12, 12, 12), (15, 15, 15))
 STEP = 0.005
@@ -67,8 +66,6 @@ class Row:
     flops: float = 0.0
     bytes: float = 0.0
     cells: int = 0
-    pair: float = 0.0
-    """wall time of a factor by one thread, over that by two"""
     newton: dict[str, float] = field(default_factory=dict)
 
 
@@ -116,20 +113,6 @@ def measure(counts: tuple[int, int, int]) -> Row:
     k, m = 3.0 * tree.meta[:, OWN], 3.0 * tree.meta[:, ALL]
     row.flops = float((k**3 / 3 + k**2 * (m - k) + k * (m - k) ** 2).sum())
     row.bytes = 16.0 * len(work.values) / row.solve
-    if work.factoring.start[0] != 0:
-        matrix, one = work.values.copy(), work.factoring._replace(start=np.zeros(1, dtype=np.int64))
-
-        def by(scratch: Factoring) -> Callable[[], object]:
-            def once() -> None:
-                work.values[:] = matrix
-                factor(tree, work.values, scratch)
-
-            return once
-
-        assemble()
-        matrix[:] = work.values
-        alone = least(by(one), clock=time.perf_counter)
-        row.pair = alone / least(by(work.factoring), clock=time.perf_counter)
     row.residual = least(lambda: residual(x, x, model, parameters, tools, 0, 1.0 / STEP**2, 1.0, work))
     row.contact = least(touch)
     row.megabytes = 1e-6 * _size((model, parameters, work))
@@ -193,7 +176,6 @@ def main(most: int) -> None:
         rows.append(row)
         ratio = f"assemble {TANGENT_FLOPS * row.cells / row.assemble / flops:.2f}, "
         ratio += f"factor {row.flops / row.prepare / flops:.2f}, solve {row.bytes / rate:.2f}"
-        ratio += f"; two threads {row.pair:.2f} x" if row.pair else ""
         print(
             f"| {row.unknowns} | {row.build:.2f} | {1e3 * row.assemble:.3g} | {1e3 * row.prepare:.3g} | "
             f"{1e3 * row.solve:.3g} | {1e3 * row.residual:.3g} | {1e3 * row.contact:.3g} | {row.megabytes:.0f} | "

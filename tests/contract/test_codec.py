@@ -7,7 +7,7 @@ import functools
 import string
 import subprocess
 import sys
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -214,7 +214,7 @@ def test_huge_but_finite_numbers_pass() -> None:
             r"Advanced\.wrench: float32 \(4, 6\) where f8 \(n, 6\) belongs",
         ),
         ({"wrench": np.zeros((4, 6), ">f8")}, r"Advanced\.wrench"),
-        ({"coupling": Coupled([[1.0, 2.0, 3.0]])}, r"Coupled\.x: list where f8"),
+        ({"coupling": Coupled(cast(Any, [[1.0, 2.0, 3.0]]))}, r"Coupled\.x: list where f8"),
         ({"momentum": np.zeros((1, 3))}, r"Advanced\.momentum"),
         ({"kinetic": "1"}, r"Advanced\.kinetic"),
         ({"kinetic": None}, r"Advanced\.kinetic"),

@@ -27,7 +27,6 @@ import test_sleep
 from extended_services import extended
 
 import softseam
-from softseam.embedded import resimulate
 from softseam.pictures import draw_pictures
 from softseam.recording import Recording
 from softseam.replay import verify
@@ -151,7 +150,7 @@ def test_it_is_recorded_drawn_and_replayed(services: Services, tmp_path: Path, n
     *_, last = recording.frames()
     np.testing.assert_array_equal(last.x, seen.positions)
     assert all(path.stat().st_size for path in draw_pictures(recording, tmp_path))
-    assert verify(recording, resimulate).same
+    assert verify(recording).same
 
 
 def test_the_model_conforms(services: Services) -> None:

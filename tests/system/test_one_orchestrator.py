@@ -14,7 +14,7 @@ from real_services import READY, free_port
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.topics import Keys
 from softseam_services.health import probe
-from softseam_services.orchestrator import singleton
+from softseam_services.orchestrator import service
 from softseam_services.orchestrator.service import AlreadyServed, wait_to_be_only
 
 KEYS = Keys()
@@ -52,10 +52,10 @@ def test_who_follows_an_orchestrator_waits_until_it_is_gone(endpoint: str, monke
         assert time.monotonic() - began > 0.8
         goes.join()
         other.declare_live(TOKEN)
-        monkeypatch.setattr(singleton, "PATIENCE", 0.3)
+        monkeypatch.setattr(service, "PATIENCE", 0.3)
         with pytest.raises(AlreadyServed, match="instance first"):
             wait_to_be_only(bus, KEYS, stop)
-        monkeypatch.setattr(singleton, "PATIENCE", 60.0)
+        monkeypatch.setattr(service, "PATIENCE", 60.0)
         stop.set()
         wait_to_be_only(bus, KEYS, stop)
 

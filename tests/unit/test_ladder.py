@@ -146,7 +146,8 @@ class Holding(EmbeddedTransport):
 def test_nothing_is_booked_where_old_parts_are_not_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
     """The body stands with the energies that it had; the next try climbs, and books what twice the speed adds."""
     monkeypatch.setattr("softseam_services.orchestrator.ladder.RUNGS", {"fine": Boxed})
-    transport, rungs = Holding(), [{"kind": "fine"}, {"kind": "fine", "after": 0.025}]
+    rungs: list[dict[str, Any]] = [{"kind": "fine"}, {"kind": "fine", "after": 0.025}]
+    transport = Holding()
     simulation = Simulation(bundle_scene(scene(rungs, named=True)), transport)
     for _ in range(3):
         simulation.step()

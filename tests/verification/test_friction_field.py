@@ -63,9 +63,9 @@ def test_a_field_is_one_of_place_in_the_body_whatever_the_cells_and_the_model() 
         _, fem = build_tables(body, region, tools, scene.models.fem)
         model = build_model(body, region, tools, scene.models.pbd)
         pbd = build_parameters(model, body, region, tools, scene.models.pbd)
-        assert len(pbd.friction_factor) == len(fem.friction_factor) > 50
-        np.testing.assert_allclose(pbd.friction_factor, alone.factor(at[model.node]), rtol=1e-12)
-        np.testing.assert_allclose(fem.friction_factor, pbd.friction_factor, rtol=1e-12)
+        assert len(pbd.arrays.friction_factor) == len(fem.friction_factor) > 50
+        np.testing.assert_allclose(pbd.arrays.friction_factor, alone.factor(at[model.node]), rtol=1e-12)
+        np.testing.assert_allclose(fem.friction_factor, pbd.arrays.friction_factor, rtol=1e-12)
         assert np.ptp(fem.friction_factor) > 0.5
 
 

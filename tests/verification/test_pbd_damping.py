@@ -209,9 +209,9 @@ def swing(residual: float | None, sweeps: int) -> tuple[PbdRun, list[int], list[
     replies = [run.step() for _ in range(20)]
     return (
         run,
-        [reply.iterations for reply in replies],
-        [reply.residual for reply in replies],
-        [reply.alarms for reply in replies],
+        [int(reply.extras["iterations"]) for reply in replies],
+        [reply.extras["residual"] for reply in replies],
+        ["; ".join(reply.alarms.values()) for reply in replies],
     )
 
 

@@ -348,4 +348,5 @@ def test_a_seam_between_graded_cells_passes_the_patch_test() -> None:
     far = Energy(run).force(x[run.region.nodes])[run.region.seam]
     np.testing.assert_allclose(tie.gap(x[sides.seam], x[sides.seam]), 0.0, atol=1e-14)
     assert near.sum(axis=0)[2] == pytest.approx(-20e3 * 0.05 * 0.06 * 0.05, rel=1e-9)
+    assert tie.p is not None
     np.testing.assert_allclose(far, -tie.p.T @ near, atol=1e-11 * np.abs(near).max())

@@ -102,8 +102,8 @@ def test_masses_are_those_of_the_cells() -> None:
     np.testing.assert_allclose(mass @ x, run.region.mass @ x, atol=1e-15)
     assert (mass[run.solver.model.levels.hangs] == 0.0).all()
     whole = block(ALL).solver.parameters
-    inner = (whole.mass > 0.0) & ~on_skin(run)
-    np.testing.assert_allclose(whole.mass[inner], 1050.0 * CELL**3, rtol=1e-12)
+    inner = (whole.arrays.mass > 0.0) & ~on_skin(run)
+    np.testing.assert_allclose(whole.arrays.mass[inner], 1050.0 * CELL**3, rtol=1e-12)
 
 
 def test_in_flight_momentum_is_kept_and_those_that_hang_follow() -> None:
@@ -212,6 +212,7 @@ def test_a_seam_to_quadratic_cells_passes_the_patch_test(kind: str, far: str) ->
     ours = run.solver.model
     assert ours.levels.hangs[run.region.seam].any()
     given = Energy(run).force(x[run.region.nodes])[ours.seam]
+    assert tie.p is not None
     wanted = ours.seam_force(-tie.p.T @ near)
     np.testing.assert_allclose(tie.gap(x[sides.seam], x[sides.seam]), 0.0, atol=1e-14)
     np.testing.assert_allclose(given, wanted, atol=1e-10 * np.abs(near).max())
