@@ -143,6 +143,7 @@ class Holding(EmbeddedTransport):
         return super().exchange(requests)
 
 
+@pytest.mark.kernels
 def test_nothing_is_booked_where_old_parts_are_not_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
     """The body stands with the energies that it had; the next try climbs, and books what twice the speed adds."""
     monkeypatch.setattr("softseam_services.orchestrator.ladder.RUNGS", {"fine": Boxed})

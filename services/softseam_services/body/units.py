@@ -2,11 +2,10 @@
 
 import numpy as np
 
+from softseam_protocol.scene.spec import LARGEST_BODY, SMALLEST_BODY
 from softseam_services.body.body import Floats
 from softseam_services.body.errors import MeshError
 
-LARGEST, SMALLEST = 100.0, 1e-4
-"""extents of a body beyond which the unit must be wrong [m]"""
 LOOKS_LIKE = "this looks like"
 """in each guess"""
 LIKELY = (1e-3, 5.0)
@@ -18,9 +17,9 @@ _UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "metres": 1.0, "inches": 0.0
 def check_extent(path: str, vertices: Floats, scale: float) -> None:
     """Raises MeshError where the unit must be wrong; vertices (n, 3) [m], made by a scale in metres per unit."""
     extent = float(np.ptp(vertices, axis=0).max())
-    if SMALLEST <= extent <= LARGEST:
+    if SMALLEST_BODY <= extent <= LARGEST_BODY:
         return
-    what = f"more than {LARGEST:g} m" if extent > LARGEST else f"less than {SMALLEST:g} m"
+    what = f"more than {LARGEST_BODY:g} m" if extent > LARGEST_BODY else f"less than {SMALLEST_BODY:g} m"
     remedy = _guess(extent, scale) or "set `scale` to metres per unit of the file, 0.001 for millimetres"
     raise MeshError(f"{path}: the solid is {extent:.3g} m long, {what}; {remedy}")
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_services.body.body import Floats
+from softseam_services.body.body import SAME, Floats
 from softseam_services.differentiable import Near, NotSmooth
 from softseam_services.tools.tool_set import ToolSet
 
@@ -33,8 +33,6 @@ _LOOKS = NewtonSettings(0.0, 0, False), NewtonSettings(0.0, 1, False)
 """without and with a factor"""
 _WORTH_A_FACTOR = 8
 """iterations of a solution after which the next step gets a factor of its own"""
-_SAME_FORCE = 1e-9
-"""relative: forces of a step that are found again differ by rounding"""
 
 
 class Augmentation(NamedTuple):
@@ -194,7 +192,7 @@ class StepDerivative:
         row = work.contact[touching]
         force = row[:, PRESSURE, None] * row[:, NORMAL : NORMAL + 3] + row[:, TRACTION : TRACTION + 3]
         found[work.pair[touching, 0], work.pair[touching, 1]] = force
-        return bool(np.abs(found - there).max(initial=0.0) <= _SAME_FORCE * np.abs(there).max(initial=0.0))
+        return bool(np.abs(found - there).max(initial=0.0) <= SAME * np.abs(there).max(initial=0.0))
 
     def _carried(self) -> NDArray[np.bool_]:
         """Points and tools whose forces go over into the multipliers of the next solution of the step (p, t, 1)."""

@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from softseam_services.body.body import Floats, Material
+from softseam_services.body.body import SAME, Floats, Material
 from softseam_services.body.materials.point import LINEAR
 
 from .hourglass import bending_factors
@@ -21,8 +21,6 @@ SIGNS = np.array([(i, j, k) for k in (-1.0, 1.0) for j in (-1.0, 1.0) for i in (
 MODES = np.stack([SIGNS[:, [1, 2]].prod(1), SIGNS[:, [0, 2]].prod(1), SIGNS[:, [0, 1]].prod(1), SIGNS.prod(1)])
 """h_m (4, 8)"""
 _PLANES = ((0, 1), (0, 2), (1, 2))
-_STRAIGHT = 1e-9
-"""off-diagonal entries of G below this share of its trace are rounding: such a block lies along the axes"""
 
 
 def mean_slopes(x: Floats) -> tuple[Floats, Floats]:
@@ -81,8 +79,9 @@ def _axes(gram: Floats) -> Floats:
     """Q (n, 3, 3), a rotation whose columns are the axes of G (n, 3, 3); the unit matrix where G is diagonal."""
     turn = np.linalg.eigh(gram)[1]
     turn[:, :, 0] *= np.sign(np.linalg.det(turn))[:, None]
+    # off-diagonal entries that are rounding: such a block lies along the axes
     off = np.abs(gram[:, [0, 0, 1], [1, 2, 2]]).max(axis=1)
-    turn[off <= _STRAIGHT * np.trace(gram, axis1=1, axis2=2)] = np.eye(3)
+    turn[off <= SAME * np.trace(gram, axis1=1, axis2=2)] = np.eye(3)
     return np.asarray(turn)
 
 

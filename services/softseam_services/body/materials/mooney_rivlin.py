@@ -13,9 +13,8 @@ Valid: any F; data of rubber fit up to stretches of about 2. 0 <= ratio <= 1, mu
 
 import numpy as np
 
+from softseam_services.body.materials.neo_hookean import J_MIN
 from softseam_services.jit import njit
-
-J_MIN = 0.2
 
 
 @njit(cache=True, error_model="numpy")

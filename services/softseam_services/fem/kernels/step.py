@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from softseam_services.body.body import SAME
 from softseam_services.fem.integrators.scheme import STATIC, SYMPLECTIC_EULER, begin, finish
 from softseam_services.fem.integrators.symplectic_euler import march
 from softseam_services.jit import njit
@@ -40,8 +41,6 @@ STEP, DERIVE, CORRECT, RETRACE = 0, 1, 2, 3
 _DEEP = 20e-6
 # Beyond what tools and nodes travel, points closer to a tool than this share of a cell edge may touch it.
 _REACH = 0.05
-# Positions that differ by less than this share of a cell edge differ by rounding.
-_SAME = 1e-9
 
 
 @njit(cache=True, error_model="numpy")
@@ -194,7 +193,7 @@ def _flies_on(x, x0, v0, dt, edge):
     """Whether x (n, 3) is x0 + dt v0, and not what an exchange or an attempt before this one has found."""
     for node in range(len(x0)):
         for i in range(3):
-            if abs(x[node, i] - (x0[node, i] + dt * v0[node, i])) > _SAME * edge:
+            if abs(x[node, i] - (x0[node, i] + dt * v0[node, i])) > SAME * edge:
                 return False
     return True
 

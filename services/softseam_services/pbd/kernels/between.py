@@ -32,8 +32,6 @@ N_NUMBERS = 21
 """of a row: s (3,), n (3,), alpha [m/N], c/h^2 [1/kg], mu, f and t_0 (3,) [N], where the point and the place on the
 face were as the substep began (3,) [m]"""
 
-FAST = 0.5
-"""of the reach: what bodies may come nearer in a step, so that faces are looked for where points would come to [1]"""
 DEPTH, LARGEST, WORK = 0, 1, 2
 N_MET = 3
 """of a meeting in a step: how deep points are inside the other body at its end [m], the largest force on one [N], and
@@ -136,7 +134,7 @@ def _find_of(members, touch, meeting, side, n):
     for c in range(3):
         square += (touch.way[own, c] - touch.way[other, c]) ** 2
     way += np.sqrt(square)
-    if way <= FAST * reach:
+    if way <= reach:
         points, faces, far = touch.to[begin:end], touch.to[theirs : touch.first[other + 1]], reach
     else:  # where they would come to may be beyond
         points, faces, far = touch.at[begin:end], touch.at[theirs : touch.first[other + 1]], reach + way

@@ -5,12 +5,10 @@ A plane at c across an axis e takes a place x to S x + 2 c e, S = 1 - 2 e e^T.
 
 import numpy as np
 
+from softseam_services.body.body import SAME
 from softseam_services.jit import njit
 from softseam_services.shapes.branches import PLANE
 from softseam_services.tools.kernels import rotate, rotate_back
-
-_SAME = 1e-9
-"""of a turn [1]"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -38,10 +36,10 @@ def _fits(sameness, seen):
     away = 0.0
     for i in range(3):
         for j in range(3):
-            if sameness[i] != sameness[j] and seen[i, j] * seen[i, j] > 2.0 * _SAME:  # of the cosine that is left
+            if sameness[i] != sameness[j] and seen[i, j] * seen[i, j] > 2.0 * SAME:  # of the cosine that is left
                 return False
         away += abs(seen[i, 0] * sameness[3] + seen[i, 1] * sameness[4] + seen[i, 2] * sameness[5] - sameness[3 + i])
-    return away <= _SAME
+    return away <= SAME
 
 
 @njit(cache=True, error_model="numpy")
@@ -64,7 +62,7 @@ def tool_astray(
                 return m, t
             for i in range(3):
                 for j in range(3):
-                    if abs(end[i, j] - start[i, j]) > _SAME:
+                    if abs(end[i, j] - start[i, j]) > SAME:
                         return m, t
             across = 0.0
             nx, ny, nz = rotate(orientation[other], shape[t, 0], shape[t, 1], shape[t, 2])  # of a plane
