@@ -17,11 +17,14 @@ KEY = Keys("test").participant("fem")
 
 
 def test_no_router_names_the_endpoint_and_the_remedy() -> None:
-    where = free_endpoint()
-    began = time.monotonic()
-    with pytest.raises(NoRouter, match=f"{where}.*softseam up"):
-        Bus(where, connect_timeout=0.3)
-    assert time.monotonic() - began < 3.0
+    """And soon: in one of three tries, for the machine may have other things to do."""
+    where, took = free_endpoint(), []
+    while not took or (min(took) >= 3.0 and len(took) < 3):
+        began = time.monotonic()
+        with pytest.raises(NoRouter, match=f"{where}.*softseam up"):
+            Bus(where, connect_timeout=0.3)
+        took.append(time.monotonic() - began)
+    assert min(took) < 3.0
 
 
 @pytest.mark.parametrize(
