@@ -16,14 +16,13 @@ from collections.abc import Generator
 from pathlib import Path
 
 import pytest
-from tiers import ENTERED, Marks, is_fast, may_be_fast, refuse, watched
+from tiers import is_fast, refuse, watched
 
 IN_CI = os.environ.get("CI", "").lower() in {"1", "true"}
 LONG = {"docker": 10, "viewer": 3, "slow": 2}
 """how much longer than other tests those with a mark take, roughly"""
 LEFT_OUT = os.environ.get("LEFT_OUT", "")
 """a file to which each run of several adds what it left out, for whoever started them all"""
-_marks = Marks()
 
 
 def _docker() -> str | None:
@@ -48,10 +47,6 @@ def _viewer() -> str | None:
 
 def _length(item: pytest.Item) -> int:
     return sum(LONG.get(mark.name, 0) for mark in item.iter_markers())
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--strict-kernels", action="store_true", help="fail where no test marked `kernels` enters one")
 
 
 @pytest.hookimpl(wrapper=True)
@@ -87,11 +82,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """A fast test enters no kernel; of one that is marked to enter some, note whether it does."""
-    if not may_be_fast(item):
+    """A fast test enters no kernel."""
+    if not is_fast(item):
         return (yield)
-    entered = item.stash[ENTERED] = []
-    with watched(refuse if is_fast(item) else entered.append):
+    with watched(refuse):
         return (yield)
 
 
@@ -101,32 +95,14 @@ def pytest_runtest_makereport(
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """In CI a skipped test is a failed one."""
     report = yield
-    if may_be_fast(item) and not is_fast(item):
-        if report.skipped:
-            item.stash[ENTERED].append("what this machine lacks")  # nobody knows that the mark is in vain
-        if report.when == "teardown":
-            report.user_properties.append(("kernels", bool(item.stash[ENTERED])))
     if IN_CI and report.skipped and not hasattr(report, "wasxfail"):
         report.outcome = "failed"
         report.longrepr = f"{item.nodeid} was skipped, which CI does not allow: {report.longrepr}"
     return report
 
 
-def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    _marks.see(report)
-
-
-def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Marks that are in vain fail a run that asks for it."""
-    if session.config.getoption("strict_kernels") and _marks.vain:
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED
-
-
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """Say which marks are to go, and what was left out."""
-    if config.getoption("strict_kernels"):
-        for file in _marks.vain:
-            terminalreporter.write_line(f"FAILED {file}: its tests enter no kernel: remove the marks `kernels`")
+    """Say what was left out."""
     skipped = [report.longrepr[2].removeprefix("Skipped: ") for report in terminalreporter.stats.get("skipped", ())]
     lines = [f"{count} tests: {why}" for why, count in Counter(skipped).items()]
     for line in lines:

@@ -1,8 +1,7 @@
 """The fast tests: those that enter no compiled kernel and start no process, which might enter one.
 
 In the folders `FAST` a test is fast that is not marked `kernels`. One that enters a kernel nevertheless fails, whatever
-runs it, so that the fast tests stay what they are; and `Marks` finds files whose marks are needed no more, so that they
-lose nothing.
+runs it, so that the fast tests stay what they are.
 """
 
 from __future__ import annotations
@@ -17,8 +16,6 @@ from numba.core.registry import CPUDispatcher
 
 FAST = ("unit", "contract", "analysis")
 """folders of tests/"""
-ENTERED = pytest.StashKey[list[str]]()
-"""what a test marked `kernels` entered and started"""
 
 
 def may_be_fast(item: pytest.Item) -> bool:
@@ -57,22 +54,3 @@ def watched(found: Callable[[str], None]) -> Iterator[None]:
 def refuse(what: str) -> None:
     """Fail the test that runs."""
     pytest.fail(f"a fast test enters {what}: mark it with pytest.mark.kernels")
-
-
-class Marks:
-    """Which files have a test that is marked `kernels` and enters any."""
-
-    def __init__(self) -> None:
-        self._needed: dict[str, bool] = {}
-
-    def see(self, report: pytest.TestReport) -> None:
-        """Of a test that is over."""
-        entered = dict(report.user_properties).get("kernels")
-        if entered is not None:
-            file = report.nodeid.partition("::")[0]
-            self._needed[file] = self._needed.get(file, False) or bool(entered)
-
-    @property
-    def vain(self) -> list[str]:
-        """Files whose marks are to go."""
-        return [file for file, needed in self._needed.items() if not needed]

@@ -10,7 +10,7 @@ from softseam_services.kernel_cache import kernel_packages
 APART = (
     "softseam_protocol/bus/*.py",
     "softseam_protocol/publish.py",
-    *(f"softseam_protocol/participant/{name}.py" for name in ("handler", "serve", "state")),
+    *(f"softseam_protocol/participant/{name}.py" for name in ("handler", "serve")),
     *(f"softseam_protocol/participant/{name}.py" for name in ("part", "part_mesh", "part_solver")),
     *(f"softseam_services/{name}.py" for name in ("__main__", "bus_options", "child", "health", "launch", "lifeline")),
     *(f"softseam_services/{name}.py" for name in ("participant_service", "progress", "supervisor")),

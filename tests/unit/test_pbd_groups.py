@@ -77,7 +77,7 @@ def solved(run: PbdRun, way: float, awake: bool) -> tuple[Floats, Floats, int]:
         contacts.clear[:] = -np.inf
     begin_pairs(model, parameters, contacts, xw, np.zeros((run.solver.model.n_nodes, 3)), H)
     xw[: run.solver.model.n_nodes, 2] -= way
-    project_contacts(model, parameters, contacts, xw, H * H)
+    project_contacts(model, parameters, contacts, xw, H * H, False)
     return xw, contacts.pairs[:n].reshape(n, -1, EIGHT)[:, 8:11], int(np.isneginf(contacts.clear[:n]).sum())
 
 

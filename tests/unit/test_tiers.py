@@ -1,4 +1,4 @@
-"""A fast test that enters a kernel or starts a process fails, and marks that are in vain are found."""
+"""A fast test that enters a kernel or starts a process fails."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from numba import njit
-from tiers import Marks, watched
+from tiers import watched
 
 from softseam_services.jit import njit as njit_of_ours
 
@@ -39,19 +39,3 @@ def test_a_marked_one_does() -> None:
         assert PLAIN(1.0) == OURS(1.0) == 2.0
         subprocess.run([sys.executable, "-c", ""], check=True)
     assert set(found) == {"the kernel double", "another process"}
-
-
-def test_a_file_whose_marks_are_in_vain_is_named() -> None:
-    """One that has a marked test which enters a kernel is not."""
-    marks = Marks()
-    for file, entered in (("one.py", [False, False]), ("other.py", [False, True]), ("third.py", [])):
-        for each in entered:
-            marks.see(_report(file, [("kernels", each)]))
-        marks.see(_report(file, []))
-    assert marks.vain == ["one.py"]
-
-
-def _report(file: str, properties: list[tuple[str, object]]) -> pytest.TestReport:
-    return pytest.TestReport(
-        f"{file}::test", (file, 1, "test"), {}, "passed", None, "teardown", user_properties=properties
-    )
