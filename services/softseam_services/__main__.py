@@ -67,19 +67,20 @@ def _bus(args: argparse.Namespace) -> BusOptions:
 
 
 def _warm(what: Sequence[str], whole: bool) -> int:
-    from softseam_services.warm_up import WarmUpFailed, warm_orchestrator, warm_participant, warm_particles, warm_whole
+    from softseam_services import warm_up
 
     for name in what:
         try:
             if name == "orchestrator":
-                warm_orchestrator()
+                warm_up.warm_orchestrator()
             elif name == "particles":
-                warm_particles()
+                warm_up.warm_particles()
             elif whole:
-                warm_whole(name)
+                warm_up.warm_whole(name)
             else:
-                warm_participant(name, mesh=True)
-        except WarmUpFailed as error:
+                warm_up.warm_participant(name, mesh=True)
+                warm_up.warm_pile(name, touching=True)
+        except warm_up.WarmUpFailed as error:
             say(f"{name}: {error}")
             return 1
     return 0

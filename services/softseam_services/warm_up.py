@@ -23,6 +23,7 @@ from softseam_protocol.messages import participant as messages
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.models import FAR_DEFAULT, MODELS
+from softseam_protocol.scene.interfaces import ContactSpec
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_services.kernel_cache import compiling
@@ -157,8 +158,9 @@ def _ask_everything(model: str, mesh: bool) -> None:
     ask(messages.Release(header(2)))
 
 
-def warm_pile(model: str) -> None:
-    """Let a participant of `model` take a step of two bodies that are one part. Raises WarmUpFailed.
+def warm_pile(model: str, touching: bool = False) -> None:
+    """Let a participant of `model` take a step of two bodies that are one part; touching: and in contact. Raises
+    WarmUpFailed.
 
     Does nothing for a model that does not pile.
     """
@@ -166,7 +168,11 @@ def warm_pile(model: str) -> None:
         return
     block = warm_scene(model).body.model_copy(update={"regions": RegionsSpec(default=model)})
     names = ["first", "second"]
-    update = {"many": dict.fromkeys(names, block), "one": None, "motion": (), "regions": RegionsSpec()}
+    contact = {"touch": ContactSpec(between=("first", "second"))} if touching else {}
+    upper = block.model_copy(update={"position": (0.0, 0.0, 0.02)})
+    bodies = {"many": {"first": block, "second": upper}, "one": None}
+    beside = {name: tool for name, tool in warm_scene(model).tools.items() if name != "ball"}
+    update = {**bodies, "tools": beside, "motion": (), "regions": RegionsSpec(), "interfaces": contact}
     scene = warm_scene(model).model_copy(update=update)
     with compiling(model):
         bundle, none = messages.Bundle(scene.model_dump_json(), {}), np.zeros(0, dtype=np.int32)
