@@ -58,7 +58,7 @@ class StepLosses:
         taken += dissipation
         np.maximum(largest, kinetic + strain, out=largest)
         told: dict[int, str] = {}
-        if begins.any() or came.any():  # hardly ever
+        if np.count_nonzero(begins) or np.count_nonzero(came):  # hardly ever
             came[:] = np.where(begins, np.where(free > self._least, free, 0.0), came)
             came[touches & (drive_work != 0.0)] = 0.0
             lost[:] = np.where(begins, 0.0, lost) + np.where(touches & (came > 0.0), dissipation, 0.0)
@@ -68,7 +68,7 @@ class StepLosses:
                 if share > max(LIMIT, worst[place]):
                     worst[place] = share
                     told[place] = f"{self._said(place)}; {self._advice(place)}"
-        free[:] = np.where(touches, free, kinetic)
+        np.copyto(free, kinetic, where=~touches)
         return told
 
     def _said(self, place: int) -> str:

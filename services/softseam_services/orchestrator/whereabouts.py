@@ -69,6 +69,7 @@ class Whereabouts:
         across = np.sort(2.0 * tools.shape[:, :3], axis=1)[:, 1]
         plates = solid[:, None] & (tools.kind == BOX) & (across > self._size[:, None])
         self._holding: Mask = plates | (tools.kind == PLANE)  # planes, and plates wider than the body (b, t)
+        self._holders: list[int] = np.flatnonzero(self._holding.any(axis=0)).tolist()
         self.forget()
 
     def forget(self) -> None:
@@ -88,13 +89,13 @@ class Whereabouts:
     def look(self, step: int, bounds: Floats, touches: Mask, position: Floats, orientation: Floats) -> None:
         """A step was taken, after which bodies have these bounds (b, 2, 3) [m], and tools, that touch each or do not
         (b,), these poses (t, 3) [m], (t, 4)."""
-        known: Mask = np.asarray(np.isfinite(bounds).all(axis=(1, 2)))
-        bounds = np.where(known[:, None, None], bounds, np.nan)
-        middle = bounds.mean(axis=1)
-        self._look_behind(step, middle, known, position, orientation)
-        if len(position):
-            self._look_away(step, bounds, middle, known & ~self._gone & ~touches, position, orientation)
-        self._middle = np.where(known[:, None], middle, self._middle)
+        middle = 0.5 * (bounds[:, 0] + bounds[:, 1])
+        known: Mask = np.asarray(np.isfinite(middle).all(axis=1))
+        if self._holders:
+            self._look_behind(step, middle, known, position, orientation)
+        if len(position) and (may := known & ~self._gone & ~touches).any():
+            self._look_away(step, bounds, middle, may, position, orientation)
+        np.copyto(self._middle, middle, where=known[:, None])
 
     def _look_behind(self, step: int, middle: Floats, known: Mask, position: Floats, orientation: Floats) -> None:
         """Tell where a body's middle has come from one side of a tool to the other."""
@@ -116,7 +117,7 @@ class Whereabouts:
         """How far the bodies' middles (b, 3) [m] are on one side of each tool that is to hold them, negative on the
         other; 0 inside a plate, NaN beside one, and of other tools (b, t) [m]."""
         found = np.full(self._holding.shape, np.nan)
-        for tool in np.flatnonzero(self._holding.any(axis=0)).tolist():
+        for tool in self._holders:
             shape = self._tools.shape[tool, :3]
             if self._tools.kind[tool] == PLANE:
                 found[:, tool] = (middle - position[tool]) @ np.array(rotate(orientation[tool], *shape))
