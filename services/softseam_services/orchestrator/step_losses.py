@@ -45,6 +45,8 @@ class StepLosses:
         """all that evolves, a column a body: energies as each was free last, as it came, and lost since, the largest
         that moved or was strained, and what steps took [J]; the worst share of a bounce [1]; 1 for bodies that tools
         have touched, and for those that they touch"""
+        self._seen: tuple[Floats, bytes] = self.state[:0], b""  # of the last step: the state, and what touched
+        self._comes = True  # whether a body that hit something has not bounced yet
 
     def follow(
         self, kinetic: Floats, strain: Floats, dissipation: Floats, touches: Mask, drive_work: Floats
@@ -52,13 +54,14 @@ class StepLosses:
         """A step was taken by all, with these energies [J], in which tools that touched each, or none, put this in [J],
         all (b,); what is to be told of bounces that ended in it, by the place of the body."""
         free, came, lost, largest, taken, worst, touched, touching = self.state
-        begins = touches > touching
-        touching[:] = touches
-        np.maximum(touched, touches, out=touched)
         taken += dissipation
         np.maximum(largest, kinetic + strain, out=largest)
         told: dict[int, str] = {}
-        if np.count_nonzero(begins) or np.count_nonzero(came):  # hardly ever
+        seen = self.state, touches.tobytes()
+        if self._comes or seen[0] is not self._seen[0] or seen[1] != self._seen[1]:  # hardly ever
+            begins = touches > touching
+            touching[:] = touches
+            np.maximum(touched, touches, out=touched)
             came[:] = np.where(begins, np.where(free > self._least, free, 0.0), came)
             came[touches & (drive_work != 0.0)] = 0.0
             lost[:] = np.where(begins, 0.0, lost) + np.where(touches & (came > 0.0), dissipation, 0.0)
@@ -68,6 +71,7 @@ class StepLosses:
                 if share > max(LIMIT, worst[place]):
                     worst[place] = share
                     told[place] = f"{self._said(place)}; {self._advice(place)}"
+            self._seen, self._comes = seen, bool(came.any())
         np.copyto(free, kinetic, where=~touches)
         return told
 
