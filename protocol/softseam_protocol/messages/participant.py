@@ -267,7 +267,8 @@ class Advanced:
 
     def figure(self, name: Figure) -> float:
         """One of the extras; where it is left out 0, of iterations and substeps 1."""
-        return self.extras.get(name, 1.0 if name in ONE_AT_LEAST else 0.0)
+        found = self.extras.get(name)
+        return found if found is not None else 1.0 if name in ONE_AT_LEAST else 0.0
 
 
 @message

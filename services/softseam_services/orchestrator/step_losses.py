@@ -46,6 +46,7 @@ class StepLosses:
         that moved or was strained, and what steps took [J]; the worst share of a bounce [1]; 1 for bodies that tools
         have touched, and for those that they touch"""
         self._seen: tuple[Floats, bytes] = self.state[:0], b""  # of the last step: the state, and what touched
+        self._free, self._any_free = np.ones(len(self._least), dtype=np.bool_), True  # what does not touch
         self._comes = True  # whether a body that hit something has not bounced yet
 
     def follow(
@@ -53,12 +54,14 @@ class StepLosses:
     ) -> dict[int, str]:
         """A step was taken by all, with these energies [J], in which tools that touched each, or none, put this in [J],
         all (b,); what is to be told of bounces that ended in it, by the place of the body."""
-        free, came, lost, largest, taken, worst, touched, touching = self.state
-        taken += dissipation
+        state = self.state
+        state[4] += dissipation
+        largest = state[3]
         np.maximum(largest, kinetic + strain, out=largest)
         told: dict[int, str] = {}
-        seen = self.state, touches.tobytes()
+        seen = state, touches.tobytes()
         if self._comes or seen[0] is not self._seen[0] or seen[1] != self._seen[1]:  # hardly ever
+            free, came, lost, _, _, worst, touched, touching = state
             begins = touches > touching
             touching[:] = touches
             np.maximum(touched, touches, out=touched)
@@ -71,8 +74,10 @@ class StepLosses:
                 if share > max(LIMIT, worst[place]):
                     worst[place] = share
                     told[place] = f"{self._said(place)}; {self._advice(place)}"
-            self._seen, self._comes = seen, bool(came.any())
-        np.copyto(free, kinetic, where=~touches)
+            self._seen, self._comes, self._free = seen, bool(came.any()), ~touches
+            self._any_free = bool(self._free.any())
+        if self._any_free:
+            np.copyto(state[0], kinetic, where=self._free)
         return told
 
     def _said(self, place: int) -> str:
