@@ -74,12 +74,13 @@ class EnergyBalance:
             gravity += reply.gravity
             tool_work += reply.tool_work
             seam_work += reply.coupling.work
-            passing += reply.figure(Figure.PASSING)
-            given += reply.figure(Figure.GIVEN)
-            material += reply.figure(Figure.DISSIPATED)
+            extra = reply.extras.get
+            passing += extra(Figure.PASSING, 0.0)
+            given += extra(Figure.GIVEN, 0.0)
+            material += extra(Figure.DISSIPATED, 0.0)
             momentum += reply.momentum
             angular += reply.angular_momentum
-            penetration = max(penetration, reply.figure(Figure.PENETRATION))
+            penetration = max(penetration, extra(Figure.PENETRATION, 0.0))
             reports[name] = PartReport(
                 parts.body,
                 parts.models[name],
@@ -88,11 +89,11 @@ class EnergyBalance:
                 reply.kinetic,
                 reply.strain,
                 reply.gravity,
-                int(reply.figure(Figure.ITERATIONS)),
+                int(extra(Figure.ITERATIONS, 1.0)),
                 reply.seconds,
-                int(reply.figure(Figure.SUBSTEPS)),
-                int(reply.figure(Figure.REJECTED)),
-                reply.figure(Figure.STEP_ERROR),
+                int(extra(Figure.SUBSTEPS, 1.0)),
+                int(extra(Figure.REJECTED, 0.0)),
+                extra(Figure.STEP_ERROR, 0.0),
             )
         interfaces = {}
         if len(solution.multipliers):

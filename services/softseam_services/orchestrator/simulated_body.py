@@ -238,9 +238,10 @@ class SimulatedBody:
     def book(self, replies: Mapping[str, Advanced], solution: Outcome, drive_work: float) -> Entry:
         """Enter a step into the balance, with the cut that it was taken with, and what the tools' motion put in [J]."""
         entry = self.balance.book(self.regions.parts, replies, solution, drive_work)
-        touches = any(bool(reply.wrench.any()) for reply in replies.values())
-        kinetic, strain, lost = (np.array([entry.energy[name]]) for name in ("kinetic", "strain", "dissipation"))
-        for told in self.losses.follow(kinetic, strain, lost, np.array([touches]), np.array([drive_work])).values():
+        touches = np.array([any(reply.wrench.any() for reply in replies.values())])
+        energy = entry.energy
+        numbers = np.array([[energy["kinetic"]], [energy["strain"]], [energy["dissipation"]], [drive_work]])
+        for told in self.losses.follow(numbers[0], numbers[1], numbers[2], touches, numbers[3]).values():
             self._tell("damped", f"step {self._clock.step - 1}: {told}")
         return entry
 

@@ -47,6 +47,10 @@ class Seen(NamedTuple):
     @classmethod
     def of(cls, parts: Sequence[Advanced]) -> Seen:
         """One body, of all of its parts."""
+        if len(parts) == 1:
+            (part,) = parts
+            touches = np.array([part.figure(Figure.CONTACTS) > 0.0])
+            return cls(part.bounds[None], part.momentum[None], part.angular_momentum[None], touches)
         bounds = np.array([part.bounds for part in parts])
         return cls(
             np.array([[bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)]]),
