@@ -100,3 +100,17 @@ def test_groups_come_and_go_with_the_same_bits() -> None:
                 for name in bodies:
                     np.testing.assert_array_equal(again.bodies[name].positions, one.bodies[name].positions)
                 assert again.report.interfaces == one.report.interfaces
+
+
+def test_a_step_that_diverges_leaves_no_force_that_is_no_number() -> None:
+    """A cube that comes so fast that its step overflows stays where it was, says so, and the pile can be stepped on."""
+    low = cube(0, 4, position=[0.0, 0.0, 0.0])
+    high = cube(0, 4, position=[0.01, 0.0, EDGE + 1e-4], velocity=[0.0, 0.0, -1e160])
+    touch = {"touch": {"kind": "contact", "between": ["low", "high"]}}
+    with softseam.open(scene_of({"low": low, "high": high}, interfaces=touch)) as sim:
+        sim.reset(seed=0)
+        seen = [sim.step() for _ in range(3)]
+    assert any("diverged" in event.message for one in seen for event in one.events)
+    for one in seen:
+        report = one.report.interfaces["touch"]
+        assert np.isfinite([report.gap, report.force, report.work]).all()

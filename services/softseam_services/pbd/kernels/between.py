@@ -111,11 +111,7 @@ def find_rows(members, touch, asleep, held, kept, dt):
         touch.start[meeting] = n
         a, b = touch.pair[meeting, 0], touch.pair[meeting, 1]
         still = asleep[a] or asleep[b]
-        for side in range(2):
-            begin, own = touch.place[meeting, side], touch.pair[meeting, side]
-            for i in range(begin, begin + first[own + 1] - first[own]):
-                for c in range(3):
-                    kept[i, c] = held[i, c] if still else 0.0
+        stand(touch, meeting, held, kept, 1.0 if still else 0.0)
         if still:
             continue
         n = _find_of(members, touch, meeting, 0, n)
@@ -383,6 +379,16 @@ def account_rows(touch, meeting, xw, centre, h):
             at_j, at_k = xw[ints[POINT], j] - centre[other, j], xw[ints[POINT], k] - centre[other, k]
             touch.turned[other, c] -= h * (at_j * fk - at_k * fj)
         met[DEPTH], met[LARGEST] = max(met[DEPTH], depth), max(met[LARGEST], np.sqrt(square))
+
+
+@njit(cache=True, error_model="numpy")
+def stand(touch, meeting, held, kept, share):
+    """kept (f, 3) [N] <- share of the forces on the points of a meeting that were held."""
+    for side in range(2):
+        begin, own = touch.place[meeting, side], touch.pair[meeting, side]
+        for i in range(begin, begin + touch.first[own + 1] - touch.first[own]):
+            for c in range(3):
+                kept[i, c] = share * held[i, c]
 
 
 @njit(cache=True, error_model="numpy")

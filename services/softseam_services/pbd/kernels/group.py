@@ -9,11 +9,11 @@ import numpy as np
 
 from softseam_services.jit import njit
 
-from .between import account_rows, begin_rows, keep_rows, open_rows, project_rows, pull_rows
+from .between import account_rows, begin_rows, keep_rows, open_rows, project_rows, pull_rows, stand
 from .contact import account_pairs, project_contacts
 from .damping import damping_share
 from .hold import soften_held_blocks
-from .pile import CAUSE, begin_attempt, end_attempt, judge, keep_figures, substeps_and_sweeps
+from .pile import CAUSE, FAULT, begin_attempt, end_attempt, judge, keep_figures, substeps_and_sweeps
 from .relax import end_together, sweep_round
 from .substep import (
     carried,
@@ -26,7 +26,7 @@ from .substep import (
     pull_blocks,
 )
 from .summary import SEAM_WORK
-from .trust import COLD, NONE, RETRIES
+from .trust import COLD, DIVERGED, NONE, RETRIES
 
 
 @njit(cache=True, error_model="numpy")
@@ -142,7 +142,13 @@ def advance_group(members, bodies, meetings, touch, held, kept, xw, centre, inpu
                 causes[i], again = cause, True
         if not again:
             break
+    lost = False
     for body in bodies:
         keep_figures(members[body], notes[body])
+        lost = lost or notes[body, FAULT] == DIVERGED
     for meeting in meetings:
-        keep_rows(touch, meeting, kept)
+        if lost:  # what diverged stays where it was, and numbers that are none are not carried on
+            stand(touch, meeting, held, kept, 1.0)
+            touch.met[meeting, :] = 0.0
+        else:
+            keep_rows(touch, meeting, kept)
