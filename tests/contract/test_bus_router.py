@@ -18,7 +18,8 @@ KEY = Keys("test").participant("fem")
 
 def test_no_router_names_the_endpoint_and_the_remedy() -> None:
     """And soon: in one of three tries, for the machine may have other things to do."""
-    where, took = free_endpoint(), []
+    where = free_endpoint()
+    took: list[float] = []
     while not took or (min(took) >= 3.0 and len(took) < 3):
         began = time.monotonic()
         with pytest.raises(NoRouter, match=f"{where}.*softseam up"):
