@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,12 @@ from softseam_protocol.messages.pile import Met
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.contact_faces import faces_of
 from softseam_services.body.errors import SettingError
+from softseam_services.body.sampled_faces import SampledFaces
 from softseam_services.jit import Rows
 
-from .kernels.between import N_INTS, N_MET, N_NUMBERS, Touch, find_groups, find_rows
+from .guests import Guests
+from .kernels.between import N_MET, Touch, find_groups, find_rows
+from .kernels.between_row import N_INTS, N_NUMBERS
 from .pile_pieces import Piece, Pieces
 
 Mask = NDArray[np.bool_]
@@ -27,37 +31,55 @@ _NO_FACES = Faces(_NO_NODES, np.zeros((0, 3), dtype=np.int32), np.zeros(0), 0.0,
 
 @dataclass(frozen=True)
 class Contact:
-    """Between two bodies of a pile."""
+    """Between two bodies of a pile, or with a guest of it."""
 
     bodies: tuple[int, int]
-    """their numbers"""
+    """their numbers, those of guests after those of the pile's bodies"""
     friction: float
     """Coulomb's coefficient [1]"""
+
+
+class Group(NamedTuple):
+    """What touches one another in a step, directly or by others."""
+
+    bodies: Numbers
+    """numbers of bodies of the pile"""
+    guests: Numbers
+    """and of guests, among these"""
+    met: Numbers
+    """of contacts between them"""
 
 
 class Between:
     """The contacts of a pile, by the names of their interfaces. Raises SettingError for a body that cannot have any."""
 
-    def __init__(self, contacts: Mapping[str, Contact], pieces: Pieces) -> None:
-        b, m = len(pieces.each), len(contacts)
+    def __init__(self, contacts: Mapping[str, Contact], pieces: Pieces, guests: Guests) -> None:
+        own, m = len(pieces.each), len(contacts)
+        b = own + len(guests.faces)
         pair = np.array([each.bodies for each in contacts.values()], dtype=np.int32).reshape(m, 2)
-        faces = [_NO_FACES] * b
+        faces: list[Faces | SampledFaces] = [*[_NO_FACES] * own, *guests.faces]
         for name, each in contacts.items():
             for number in each.bodies:
-                faces[number] = _faces(name, pieces.each[number])
-        counts = np.array([len(each.nodes) for each in faces])
+                if number < own:
+                    faces[number] = _faces(name, pieces.each[number])
+        nodes = [each.nodes if isinstance(each, Faces) else np.arange(len(each.area)) for each in faces]
+        masses = [piece.parameters.arrays.inverse_mass[at] for piece, at in zip(pieces.each, nodes[:own], strict=True)]
+        self._guests, self._n_own = guests, own
+        counts = np.array([len(each.area) for each in faces])
         self._ends = np.cumsum([0, *counts[pair].ravel()])
         self.touch = Touch(
-            first=_ends(len(each.nodes) for each in faces),
-            node=np.concatenate([each.nodes for each in faces]).astype(np.int32),
-            row=pieces.first_row,
+            first=_ends(counts),
+            node=np.concatenate(nodes).astype(np.int32),
+            row=np.array([*pieces.first_row, *guests.rows], dtype=np.int32),
             first_triangle=_ends(len(each.triangles) for each in faces),
             corners=np.concatenate([each.triangles for each in faces]).astype(np.int32),
             area=np.concatenate([each.area for each in faces]),
+            inverse_mass=np.concatenate([*masses, np.zeros(sum(counts[own:]))]),
             yields=np.array([each.yields for each in faces]),
             spacing=np.array([each.spacing for each in faces]),
             pair=pair,
             friction=np.array([each.friction for each in contacts.values()], dtype=np.float64),
+            presses=np.array([_shares(faces[one], faces[other]) for one, other in pair.tolist()]).reshape(m, 2),
             place=self._ends[:-1].reshape(m, 2).astype(np.int32),
             at=np.zeros((counts.sum(), 3)),
             to=np.zeros((counts.sum(), 3)),
@@ -73,22 +95,32 @@ class Between:
         self.forces: tuple[Floats, Floats] = np.zeros((self._ends[-1], 3)), np.zeros((self._ends[-1], 3))
         """on points, see `Touch.place`, as the committed step left them, and as the tentative one does [N]"""
         self.centre = np.zeros((b, 3))
-        self._own = [np.flatnonzero(pair.ravel() == number) for number in range(b)]
+        self._of_guests = slice(int(self.touch.first[own]), int(self.touch.first[b]))
+        sides = pair.ravel()
+        kept_by = np.where(sides < own, sides, np.where(pair[:, ::-1].ravel() < own, pair[:, ::-1].ravel(), 0))
+        self._own = [np.flatnonzero(kept_by == number) for number in range(own)]
+        """contacts whose forces a body's snapshot has: its own, and those of guests that it meets"""
 
-    def find(self, members: Rows, asleep: Mask, now: int, dt: float) -> list[tuple[Numbers, Numbers]]:
-        """What touches in a step of dt [s]: of each group of bodies their numbers, and those of contacts between them.
+    def find(self, members: Rows, asleep: Mask, now: int, dt: float) -> list[Group]:
+        """What touches in a step of dt [s].
 
-        now  which of `forces` the step begins with
+        asleep  of the pile's bodies, and of guests
+        now     which of `forces` the step begins with
         """
-        touch, b = self.touch, len(asleep)
+        touch, b, own = self.touch, len(asleep), self._n_own
         if not len(touch.pair):
             return []
-        find_rows(members, touch, asleep, self.forces[now], self.forces[1 - now], dt)
+        touch.at[self._of_guests], touch.to[self._of_guests] = self._guests.arrays.came, self._guests.goes
+        find_rows(members, own, touch, asleep, self.forces[now], self.forces[1 - now], dt)
+        if own < b:
+            self._guests.answer(touch, own)
         order, start = np.zeros(b, dtype=np.int64), np.zeros(b + 1, dtype=np.int64)
         n = find_groups(touch, order, start)
         met = np.flatnonzero(np.diff(touch.start))
         groups = [order[start[group] : start[group + 1]] for group in range(n)]
-        return [(bodies, met[np.isin(touch.pair[met, 0], bodies)]) for bodies in groups]
+        return [
+            Group(each[each < own], each[each >= own] - own, met[np.isin(touch.pair[met, 0], each)]) for each in groups
+        ]
 
     @property
     def met(self) -> list[Met]:
@@ -113,6 +145,18 @@ class Between:
             own = self.forces[now][self._ends[k] : self._ends[k + 1]]
             own[:] = forces[at : at + own.size].reshape(own.shape) if len(forces) else 0.0
             at += own.size
+
+
+def _shares(one: Faces | SampledFaces, other: Faces | SampledFaces) -> tuple[float, float]:
+    """How much of its area each presses with: both with half of it, but where nodes of one meet points of another,
+    which follow nodes by other functions: there the closer ones press, and no others."""
+    if isinstance(one, SampledFaces) == isinstance(other, SampledFaces):
+        return 0.5, 0.5
+    if isinstance(other, SampledFaces):
+        second, first = _shares(other, one)
+        return first, second
+    assert isinstance(one, SampledFaces)
+    return (1.0, 0.0) if one.closeness <= other.spacing else (0.0, 1.0)
 
 
 def _ends(counts: Iterable[int]) -> Ints:

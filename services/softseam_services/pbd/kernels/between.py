@@ -23,14 +23,25 @@ from softseam_coupling.kernels.nearest_face import nearest_faces, point_normals
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import njit, record
 
-POINT, CORNER, PLACE, OWN, OTHER = 0, 1, 4, 5, 6
-N_INTS = 7
-"""of a row: point and three corners, as rows of the pile's xw; place of the point among forces; numbers of its body and
-of the other"""
-SHARE, NORMAL, SOFT, GIVES, RUB, FORCE, HELD, BEGAN, FACED = 0, 3, 6, 7, 8, 9, 12, 15, 18
-N_NUMBERS = 21
-"""of a row: s (3,), n (3,), alpha [m/N], c/h^2 [1/kg], mu, f and t_0 (3,) [N], where the point and the place on the
-face were as the substep began (3,) [m]"""
+from .between_row import (
+    BEGAN,
+    CORNER,
+    FACED,
+    FORCE,
+    GIVES,
+    HELD,
+    NORMAL,
+    OTHER,
+    OWN,
+    PLACE,
+    POINT,
+    RUB,
+    SHARE,
+    SLIDES,
+    SOFT,
+    YIELDS,
+)
+from .guests import move_guest
 
 DEPTH, LARGEST, WORK = 0, 1, 2
 N_MET = 3
@@ -40,8 +51,8 @@ work on both bodies [J]"""
 
 @record
 class Touch(NamedTuple):
-    """What touches what in a pile: b bodies, p points of their surfaces, t triangles between these, m meetings of two
-    bodies, r rows."""
+    """What touches what in a pile: b bodies, its own and then guests, p points of their surfaces, t triangles between
+    these, m meetings of two bodies, r rows."""
 
     first: Ints
     """of the points of each body (b + 1,)"""
@@ -55,6 +66,8 @@ class Touch(NamedTuple):
     """of triangles, points of their body, counted from its first (t, 3)"""
     area: Floats
     """that each point stands for (p,) [m^2]"""
+    inverse_mass: Floats
+    """of each (p,) [1/kg], 0 of what does not move, and of guests"""
     yields: Floats
     """how far the surface of each body sinks in under a pressure (b,) [m/Pa]"""
     spacing: Floats
@@ -63,6 +76,8 @@ class Touch(NamedTuple):
     """bodies that meet (m, 2)"""
     friction: Floats
     """(m,)"""
+    presses: Floats
+    """how much of its area each of the two presses with (m, 2) [1]"""
     place: Ints
     """of the forces on the points of each of the two, among all (m, 2)"""
     at: Floats
@@ -88,9 +103,11 @@ class Touch(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def find_rows(members, touch, asleep, held, kept, dt):
-    """Rows of a step of dt [s] from where bodies are, but of meetings of which a body is asleep (b,).
+def find_rows(members, n_own, touch, asleep, held, kept, dt):
+    """Rows of a step of dt [s] from where bodies are, but of meetings of which a body is asleep (b,). Guests' points
+    are at their places in `touch` already.
 
+    n_own       bodies of the pile: others are guests
     held, kept  forces on points between bodies as the step begins (f, 3) [N], and as it ends: so far of those asleep
     """
     first, corners, first_triangle = touch.first, touch.corners, touch.first_triangle
@@ -98,11 +115,12 @@ def find_rows(members, touch, asleep, held, kept, dt):
         begin, end = first[body], first[body + 1]
         if begin == end or asleep[body]:
             continue
-        x, v = members[body].before.x, members[body].before.v
-        for i in range(begin, end):
-            for c in range(3):
-                touch.at[i, c] = x[touch.node[i], c]
-                touch.to[i, c] = touch.at[i, c] + dt * v[touch.node[i], c]
+        if body < n_own:
+            x, v = members[body].before.x, members[body].before.v
+            for i in range(begin, end):
+                for c in range(3):
+                    touch.at[i, c] = x[touch.node[i], c]
+                    touch.to[i, c] = touch.at[i, c] + dt * v[touch.node[i], c]
         _find_way(touch.at[begin:end], touch.to[begin:end], touch.way[body])
         own = corners[first_triangle[body] : first_triangle[body + 1]]
         point_normals(touch.to[begin:end], own, touch.out[begin:end])
@@ -114,15 +132,17 @@ def find_rows(members, touch, asleep, held, kept, dt):
         stand(touch, meeting, held, kept, 1.0 if still else 0.0)
         if still:
             continue
-        n = _find_of(members, touch, meeting, 0, n)
-        n = _find_of(members, touch, meeting, 1, n)
+        n = _find_of(touch, meeting, 0, n)
+        n = _find_of(touch, meeting, 1, n)
     touch.start[len(touch.pair)] = n
 
 
 @njit(cache=True, error_model="numpy")
-def _find_of(members, touch, meeting, side, n):
+def _find_of(touch, meeting, side, n):
     """Rows of the points of one of the bodies that meet, after n others; returns how many there are then."""
     own, other = touch.pair[meeting, side], touch.pair[meeting, 1 - side]
+    if touch.presses[meeting, side] == 0.0:
+        return n
     reach = REACH * min(touch.spacing[own], touch.spacing[other])
     begin, end, theirs = touch.first[own], touch.first[own + 1], touch.first[other]
     way = touch.way[own, 3] + touch.way[other, 3]
@@ -178,16 +198,17 @@ def _find_of(members, touch, meeting, side, n):
         ints[OWN], ints[OTHER] = own, other
         ints[PLACE] = touch.place[meeting, side] + near[i]
         ints[POINT] = touch.row[own] + touch.node[point]
-        gives = members[own].parameters.inverse_mass[touch.node[point]]
+        gives = touch.inverse_mass[point]
         corners = some[face[i]]
         _project(points[near[i]], faces[corners[0]], faces[corners[1]], faces[corners[2]], share[i])
         for k in range(3):
-            node = touch.node[theirs + corners[k]]
-            ints[CORNER + k] = touch.row[other] + node
-            gives += share[i, k] ** 2 * members[other].parameters.inverse_mass[node]
+            ints[CORNER + k] = touch.row[other] + touch.node[theirs + corners[k]]
+            gives += share[i, k] ** 2 * touch.inverse_mass[theirs + corners[k]]
             row[SHARE + k], row[NORMAL + k] = share[i, k], normal[i, k]
-        row[SOFT] = 2.0 * (touch.yields[own] + touch.yields[other]) / (covered * touch.area[point])
+        area = covered * touch.presses[meeting, side] * touch.area[point]
+        row[SOFT] = (touch.yields[own] + touch.yields[other]) / area
         row[GIVES], row[RUB] = gives, touch.friction[meeting]
+        row[YIELDS] = row[SLIDES] = 0.0
         n += 1
     return n
 
@@ -274,17 +295,21 @@ def begin_rows(touch, meetings, held, cold):
 
 
 @njit(cache=True, error_model="numpy")
-def pull_rows(members, touch, meetings):
+def pull_rows(members, n_own, touch, meetings):
     """Add the rows' forces to what blocks pull with, see `substep.carried`."""
     for meeting in meetings:
         for r in range(touch.start[meeting], touch.start[meeting + 1]):
             ints, row = touch.ints[r], touch.rows[r]
             own, other = ints[OWN], ints[OTHER]
-            mine, theirs = members[own].scratch.pull, members[other].scratch.pull
-            for c in range(3):
-                mine[ints[POINT] - touch.row[own], c] += row[FORCE + c]
-                for k in range(3):
-                    theirs[ints[CORNER + k] - touch.row[other], c] -= row[SHARE + k] * row[FORCE + c]
+            if own < n_own:
+                mine = members[own].scratch.pull
+                for c in range(3):
+                    mine[ints[POINT] - touch.row[own], c] += row[FORCE + c]
+            if other < n_own:
+                theirs = members[other].scratch.pull
+                for c in range(3):
+                    for k in range(3):
+                        theirs[ints[CORNER + k] - touch.row[other], c] -= row[SHARE + k] * row[FORCE + c]
 
 
 @njit(cache=True, error_model="numpy")
@@ -307,12 +332,13 @@ def _on_face(ints, row, xw, c):
 
 
 @njit(cache=True, error_model="numpy")
-def project_rows(touch, meetings, xw, hh):
-    """Solve (1) for the rows of these, one after the other; hh is the substep squared [s^2]. xw is moved."""
+def project_rows(touch, meetings, xw, hh, guests, n_own, n_substeps):
+    """Solve (1) for the rows of these, one after the other; hh is the substep squared [s^2]. xw is moved, of guests,
+    whose numbers are n_own and more, as they answer in one of so many substeps."""
     for meeting in meetings:
         for r in range(touch.start[meeting], touch.start[meeting + 1]):
             ints, row = touch.ints[r], touch.rows[r]
-            if row[GIVES] == 0.0:
+            if row[GIVES] + row[YIELDS] == 0.0:
                 continue
             nx, ny, nz = row[NORMAL], row[NORMAL + 1], row[NORMAL + 2]
             fx, fy, fz = row[FORCE], row[FORCE + 1], row[FORCE + 2]
@@ -320,7 +346,7 @@ def project_rows(touch, meetings, xw, hh):
             dy = xw[ints[POINT], 1] - _on_face(ints, row, xw, 1)
             dz = xw[ints[POINT], 2] - _on_face(ints, row, xw, 2)
             soft = row[SOFT]
-            stiff = 1.0 / (hh * row[GIVES] + soft)
+            stiff = 1.0 / (hh * row[GIVES] + soft + row[YIELDS])
             old = max(0.0, fx * nx + fy * ny + fz * nz)
             p = max(0.0, old - (dx * nx + dy * ny + dz * nz + soft * old) * stiff)
             tx, ty, tz = 0.0, 0.0, 0.0
@@ -328,7 +354,8 @@ def project_rows(touch, meetings, xw, hh):
                 sx = dx - row[BEGAN] + row[FACED] + soft * (fx - row[HELD])
                 sy = dy - row[BEGAN + 1] + row[FACED + 1] + soft * (fy - row[HELD + 1])
                 sz = dz - row[BEGAN + 2] + row[FACED + 2] + soft * (fz - row[HELD + 2])
-                tx, ty, tz = fx - sx * stiff, fy - sy * stiff, fz - sz * stiff
+                across = 1.0 / (hh * row[GIVES] + soft + row[SLIDES])
+                tx, ty, tz = fx - sx * across, fy - sy * across, fz - sz * across
                 tn = tx * nx + ty * ny + tz * nz
                 tx, ty, tz = tx - tn * nx, ty - tn * ny, tz - tn * nz
                 size, bound = np.sqrt(tx * tx + ty * ty + tz * tz), row[RUB] * p
@@ -336,9 +363,16 @@ def project_rows(touch, meetings, xw, hh):
                     tx, ty, tz = tx * bound / size, ty * bound / size, tz * bound / size
             gx, gy, gz = p * nx + tx - fx, p * ny + ty - fy, p * nz + tz - fz
             row[FORCE], row[FORCE + 1], row[FORCE + 2] = fx + gx, fy + gy, fz + gz
-            _move(xw, ints[POINT], hh, gx, gy, gz)
+            if ints[OWN] < n_own:
+                _move(xw, ints[POINT], hh, gx, gy, gz)
+            else:
+                move_guest(guests, ints[OWN] - n_own, ints[POINT], 1.0 / n_substeps, gx, gy, gz, xw)
             for k in range(3):
-                _move(xw, ints[CORNER + k], -hh * row[SHARE + k], gx, gy, gz)
+                if ints[OTHER] < n_own:
+                    _move(xw, ints[CORNER + k], -hh * row[SHARE + k], gx, gy, gz)
+                else:
+                    share = -row[SHARE + k] / n_substeps
+                    move_guest(guests, ints[OTHER] - n_own, ints[CORNER + k], share, gx, gy, gz, xw)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
