@@ -34,7 +34,7 @@ from softseam_services.tools.tool_set import ToolSet
 Floats = NDArray[np.float64]
 
 _FREE = np.zeros((0, 3))
-_ARRAYS = [each.name for each in fields(Members) if each.name not in ("notes", "met")]
+_ARRAYS = [each.name for each in fields(Members) if each.name not in ("notes", "met", "on_guests")]
 _FIGURES = [each for each in Figure if each in _ARRAYS]
 _STILL = {"tool_work": 0, "interface_work": 0, "dissipated": 0, "iterations": 0, "n_substeps": 1}
 """of bodies that sleep through a step"""

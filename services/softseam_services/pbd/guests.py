@@ -31,7 +31,7 @@ class Guests:
             row=np.array([first_row], dtype=np.int32),
             came=np.zeros((q, 3)),
             goes=np.zeros((q, 3)),
-            near=np.zeros(0),
+            answers=np.zeros(0),
             begin=np.zeros(g + 1, dtype=np.int64),
             listed=np.zeros(q, dtype=np.int32),
             n_listed=np.zeros(g, dtype=np.int32),
@@ -48,7 +48,7 @@ class Guests:
         self._root = [np.zeros((0, 0))] * g
         self._held = [np.zeros((0, 3))] * g
         self._listed: list[Ints | None] = [None] * g
-        self._near = [np.zeros((0, 0))] * g
+        self._answers = [np.zeros((0, 0))] * g
 
     @property
     def rows(self) -> list[int]:
@@ -103,10 +103,10 @@ class Guests:
             root, n = self._root[place], len(faces.nodes)
             width = root.shape[1]
             rows = np.asarray(faces.weights[listed] @ root.reshape(n, 3 * width)).reshape(3 * len(listed), width)
-            self._near[place], self._listed[place], changed = rows @ rows.T, listed.copy(), True
+            self._answers[place], self._listed[place], changed = rows @ rows.T, listed.copy(), True
         if changed:
-            begin = np.cumsum([0, *(near.size for near in self._near)])
-            self.arrays = arrays._replace(near=np.concatenate([near.ravel() for near in self._near]), begin=begin)
+            begin = np.cumsum([0, *(each.size for each in self._answers)])
+            self.arrays = arrays._replace(answers=np.concatenate([each.ravel() for each in self._answers]), begin=begin)
 
     def felt(self) -> list[Push]:
         """What acted on them in the last step; what was thought to, where the pile's step was lost."""

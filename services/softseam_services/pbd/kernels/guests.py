@@ -38,7 +38,7 @@ class Guests(NamedTuple):
     """points as the step begins (q, 3) [m]"""
     goes: Floats
     """and as it ends, if nothing touches them"""
-    near: Floats
+    answers: Floats
     """A of each between its points that count in the step, one after the other, in rows [m/N]"""
     begin: np.ndarray[tuple[int], np.dtype[np.int64]]
     """first number of each there (g + 1,)"""
@@ -125,9 +125,9 @@ def _between(guests, guest, one, other, row):
     along = whole = 0.0
     for c in range(3):
         for d in range(3):
-            a = guests.near[begin + (3 * one + c) * n + 3 * other + d]
+            a = guests.answers[begin + (3 * one + c) * n + 3 * other + d]
             along += row[NORMAL + c] * a * row[NORMAL + d]
-        whole += guests.near[begin + (3 * one + c) * n + 3 * other + c]
+        whole += guests.answers[begin + (3 * one + c) * n + 3 * other + c]
     return along, whole
 
 
@@ -146,7 +146,7 @@ def place_guests(guests, which, touch, meetings, n_own, substep, n_substeps, xw)
                 for j in range(n):
                     p = first + guests.listed[first + j]
                     for d in range(3):
-                        more += guests.near[at + 3 * j + d] * (guests.felt[p, d] + guests.now[p, d])
+                        more += guests.answers[at + 3 * j + d] * (guests.felt[p, d] + guests.now[p, d])
                 xw[row + q, c] = (1.0 - share) * guests.came[q, c] + share * guests.goes[q, c] + more / n_substeps
 
 
@@ -161,7 +161,7 @@ def move_guest(guests, guest, place, share, x, y, z, xw):
         q = row + first + guests.listed[first + i]
         for c in range(3):
             k = at + 3 * i + c  # A is symmetric: its rows are its columns
-            xw[q, c] += guests.near[k] * x + guests.near[k + 3 * n] * y + guests.near[k + 6 * n] * z
+            xw[q, c] += guests.answers[k] * x + guests.answers[k + 3 * n] * y + guests.answers[k + 6 * n] * z
 
 
 @njit(cache=True, error_model="numpy")
