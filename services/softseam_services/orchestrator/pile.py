@@ -7,7 +7,8 @@ what it asked its participant for once. A model takes bodies into a pile where M
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -255,8 +256,7 @@ class MemberTransport:
         """There is nothing to close."""
 
 
-@dataclass(frozen=True)
-class Gathered:
+class Gathered(NamedTuple):
     """Who is in a pile, and who touches it."""
 
     names: tuple[str, ...]

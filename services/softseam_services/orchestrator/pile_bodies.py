@@ -207,7 +207,8 @@ class PileBodies:
         work = step.tool_work + step.interface_work
         dissipation, alarms = self._ledgers.step(energies, work, drive_work - step.tool_work, step.dissipated)
         touches = np.asarray(step.wrench.any(axis=(1, 2)))
-        for place, said in self._losses.follow(step.kinetic, step.strain, dissipation, touches, drive_work).items():
+        losses = np.stack((step.kinetic, step.strain, dissipation, drive_work))
+        for place, said in self._losses.follow(losses, touches).items():
             self._bodies[place].report("damped", f"step {step_number}: {said}")
         self._raised: dict[int, list[Alarm]] = {}
         for known, (alarm, raised) in zip(self._told, alarms.items(), strict=True):
