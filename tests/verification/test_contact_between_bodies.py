@@ -157,7 +157,7 @@ def test_two_that_meet_in_flight_keep_their_momenta(model: str) -> None:
 
 @MODELS
 def test_two_halves_are_pressed_as_the_whole(model: str) -> None:
-    """Between planes without friction: the same force within 1.1 %, for surfaces sink in by .7 to 1 % of what cells
+    """Between planes without friction: the same force within 1 %, 1.4 % of two models, for surfaces sink in by .8 % of what cells
     do."""
 
     def pressed(halves: bool) -> float:
@@ -182,7 +182,7 @@ def test_two_halves_are_pressed_as_the_whole(model: str) -> None:
         with softseam.open(Scene.model_validate(json.loads(json.dumps(data)))) as sim:
             return float(sim.run().report.wrench[1, 2])
 
-    assert pressed(halves=True) == pytest.approx(pressed(halves=False), rel=1.1e-2)
+    assert pressed(halves=True) == pytest.approx(pressed(halves=False), rel=1.4e-2 if " on " in model else 1e-2)
 
 
 @MODELS

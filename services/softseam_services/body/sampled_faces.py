@@ -36,6 +36,10 @@ class SampledFaces:
     """points, counter-clockwise from outside (t, 3)"""
     area: Floats
     """that each point stands for (p,) [m^2]"""
+    among: Ints
+    """points at places of nodes, between which each is, the first four times where it is one itself (p, 4)"""
+    part: Floats
+    """and how much it is of each, by how near (p, 4) [1]"""
     closeness: float
     """of the points [m]"""
     spacing: float
@@ -52,7 +56,7 @@ def sampled_faces(body: Body, functions: Functions) -> SampledFaces:
     """Of a body in hexahedra, interpolated so. Raises SettingError where its surface runs through cells."""
     if body.tetrahedra or not is_covered_by_faces(body):
         raise SettingError("contact meets no surface that runs through cells yet: take a block")
-    cell, local, quads = _lattices(body)
+    cell, local, quads, among = _lattices(body)
     indptr = np.zeros(len(local) + 1, dtype=np.int32)
     node, weight = np.empty(27 * len(local), dtype=np.int32), np.empty(27 * len(local))
     count = fill_weights(local, cell, body.cell_nodes, FUNCTION_NUMBER[functions], indptr, node, weight)
@@ -61,7 +65,7 @@ def sampled_faces(body: Body, functions: Functions) -> SampledFaces:
     _, one, number = np.unique(np.rint(rest * (1e6 / body.resolution)), axis=0, return_index=True, return_inverse=True)
     number = number.ravel()  # points that faces share are one
     follows, rest = follows[one], rest[one]
-    quads = number[quads].astype(np.int32)
+    quads, among = number[quads].astype(np.int32), number[among[one]].astype(np.int32)
     side = np.cross(rest[quads[:, 2]] - rest[quads[:, 0]], rest[quads[:, 3]] - rest[quads[:, 1]])
     area = np.zeros(len(rest))
     np.add.at(area, quads, 0.125 * np.linalg.norm(side, axis=1)[:, None])
@@ -77,20 +81,27 @@ def sampled_faces(body: Body, functions: Functions) -> SampledFaces:
         clamped,
         triangles,
         area,
+        among,
+        np.full(among.shape, 0.25),
         body.resolution / (_ALONG - 1),
         spacing,
         spacing / (DENSE * softest),
     )
 
 
-def _lattices(body: Body) -> tuple[Ints, Floats, Ints]:
-    """Cell and local coordinates of the points of all outer faces, face by face, and their quads, from outside."""
+def _lattices(body: Body) -> tuple[Ints, Floats, Ints, Ints]:
+    """Cell and local coordinates of the points of all outer faces, face by face; their quads, from outside; and of each
+    the four points at nodes' places around it, of which some are one where it is near none or two."""
     count = np.bincount(body.cell_nodes[:, FACE_NODES[:, 0]].ravel(), minlength=body.n_nodes)
     steps = np.linspace(-1.0, 1.0, _ALONG)
     u, v = (each.ravel() for each in np.meshgrid(steps, steps, indexing="ij"))
     corner = np.array([_ALONG * i + j for i, j in product(range(_ALONG - 1), repeat=2)])
     quad = corner[:, None] + np.array([0, _ALONG, _ALONG + 1, 1])
-    cells, locals_, quads, n = [], [], [], 0
+    i, j = (each.ravel() for each in np.meshgrid(np.arange(_ALONG), np.arange(_ALONG), indexing="ij"))
+    around = np.stack(
+        [_ALONG * (2 * ((i + a) // 2)) + 2 * ((j + b) // 2) for a, b in product((0, 1), repeat=2)], axis=1
+    )
+    cells, locals_, quads, among, n = [], [], [], [], 0
     for number in range(6):
         axis, sign = number // 2, 2.0 * (number % 2) - 1.0
         outer = np.flatnonzero(count[body.cell_nodes[:, FACE_NODES[number, 0]]] == 1)
@@ -99,5 +110,6 @@ def _lattices(body: Body) -> tuple[Ints, Floats, Ints]:
         cells.append(np.repeat(outer, len(u)))
         locals_.append(np.tile(local, (len(outer), 1)))
         quads.append((n + len(u) * np.arange(len(outer))[:, None, None] + quad).reshape(-1, 4))
+        among.append((n + len(u) * np.arange(len(outer))[:, None, None] + around).reshape(-1, 4))
         n += len(u) * len(outer)
-    return np.concatenate(cells).astype(np.int32), np.concatenate(locals_), np.concatenate(quads)
+    return np.concatenate(cells).astype(np.int32), np.concatenate(locals_), np.concatenate(quads), np.concatenate(among)

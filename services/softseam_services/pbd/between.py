@@ -18,8 +18,7 @@ from softseam_services.body.sampled_faces import SampledFaces
 from softseam_services.jit import Rows
 
 from .guests import Guests
-from .kernels.between import N_MET, Touch, find_groups, find_rows
-from .kernels.between_row import N_INTS, N_NUMBERS
+from .kernels.between import N_INTS, N_MET, N_NUMBERS, Touch, find_groups, find_rows
 from .pile_pieces import Piece, Pieces
 
 Mask = NDArray[np.bool_]
@@ -47,7 +46,9 @@ class Group(NamedTuple):
     guests: Numbers
     """and of guests, among these"""
     met: Numbers
-    """of contacts between them"""
+    """of contacts between bodies"""
+    visits: Numbers
+    """and of those with guests"""
 
 
 class Between:
@@ -58,19 +59,24 @@ class Between:
         b = own + len(guests.faces)
         pair = np.array([each.bodies for each in contacts.values()], dtype=np.int32).reshape(m, 2)
         faces: list[Faces | SampledFaces] = [*[_NO_FACES] * own, *guests.faces]
-        for name, each in contacts.items():
-            for number in each.bodies:
-                if number < own:
-                    faces[number] = _faces(name, pieces.each[number])
+        for name, contact in contacts.items():
+            for body in contact.bodies:
+                if body < own:
+                    faces[body] = _faces(name, pieces.each[body])
         nodes = [each.nodes if isinstance(each, Faces) else np.arange(len(each.area)) for each in faces]
         masses = [piece.parameters.arrays.inverse_mass[at] for piece, at in zip(pieces.each, nodes[:own], strict=True)]
         self._guests, self._n_own = guests, own
         counts = np.array([len(each.area) for each in faces])
+        rows = np.concatenate([pieces.first_row, pieces.n_rows + np.cumsum([0, *counts[own:]])[:-1]]).astype(np.int32)
+        number = np.full(pieces.n_rows + counts[own:].sum(), -1, dtype=np.int32)
+        for first, own_nodes in zip(rows, nodes, strict=True):
+            number[first + own_nodes] = np.arange(len(own_nodes))
         self._ends = np.cumsum([0, *counts[pair].ravel()])
         self.touch = Touch(
             first=_ends(counts),
             node=np.concatenate(nodes).astype(np.int32),
-            row=np.array([*pieces.first_row, *guests.rows], dtype=np.int32),
+            row=rows,
+            number=number,
             first_triangle=_ends(len(each.triangles) for each in faces),
             corners=np.concatenate([each.triangles for each in faces]).astype(np.int32),
             area=np.concatenate([each.area for each in faces]),
@@ -95,6 +101,8 @@ class Between:
         self.forces: tuple[Floats, Floats] = np.zeros((self._ends[-1], 3)), np.zeros((self._ends[-1], 3))
         """on points, see `Touch.place`, as the committed step left them, and as the tentative one does [N]"""
         self.centre = np.zeros((b, 3))
+        self._visits: Mask = np.asarray((pair >= own).any(axis=1))
+        self._make_room(counts, pair)
         self._of_guests = slice(int(self.touch.first[own]), int(self.touch.first[b]))
         sides = pair.ravel()
         kept_by = np.where(sides < own, sides, np.where(pair[:, ::-1].ravel() < own, pair[:, ::-1].ravel(), 0))
@@ -110,17 +118,29 @@ class Between:
         touch, b, own = self.touch, len(asleep), self._n_own
         if not len(touch.pair):
             return []
-        touch.at[self._of_guests], touch.to[self._of_guests] = self._guests.arrays.came, self._guests.goes
+        touch.at[self._of_guests], touch.to[self._of_guests] = self._guests.came, self._guests.goes
         find_rows(members, own, touch, asleep, self.forces[now], self.forces[1 - now], dt)
         if own < b:
-            self._guests.answer(touch, own)
+            self._guests.gather(touch, self.forces[now])
         order, start = np.zeros(b, dtype=np.int64), np.zeros(b + 1, dtype=np.int64)
         n = find_groups(touch, order, start)
         met = np.flatnonzero(np.diff(touch.start))
         groups = [order[start[group] : start[group + 1]] for group in range(n)]
-        return [
-            Group(each[each < own], each[each >= own] - own, met[np.isin(touch.pair[met, 0], each)]) for each in groups
-        ]
+        return [self._group(each, met[np.isin(touch.pair[met, 0], each)]) for each in groups]
+
+    def _group(self, bodies: Numbers, met: Numbers) -> Group:
+        own, visits = bodies < self._n_own, self._visits[met]
+        return Group(bodies[own], bodies[~own] - self._n_own, met[~visits], met[visits])
+
+    def _make_room(self, counts: Numbers, pair: Ints) -> None:
+        """For patches: of each node of the side that they are around, with the nodes and points that may be near it."""
+        ones = n_nodes = n_entries = 0
+        for first, second in pair[self._visits].tolist():
+            one, guest = (second, first) if first >= self._n_own else (first, second)
+            ones += counts[one]
+            n_nodes += counts[one] * min(counts[one], 32)
+            n_entries += 16 * counts[one] + 3 * counts[guest]
+        self._guests.make_room(len(pair), ones, n_nodes, n_entries)
 
     @property
     def met(self) -> list[Met]:
@@ -148,10 +168,12 @@ class Between:
 
 
 def _shares(one: Faces | SampledFaces, other: Faces | SampledFaces) -> tuple[float, float]:
-    """How much of its area each presses with: both with half of it, but where nodes of one meet points of another,
-    which follow nodes by other functions: there the closer ones press, and no others."""
-    if isinstance(one, SampledFaces) == isinstance(other, SampledFaces):
+    """How much of its area each presses with: both with half of it, but where a guest is, with which patches are made:
+    there the one whose points are closer does, and of two guests the second."""
+    if isinstance(one, Faces) and isinstance(other, Faces):
         return 0.5, 0.5
+    if isinstance(one, SampledFaces) and isinstance(other, SampledFaces):
+        return 0.0, 1.0
     if isinstance(other, SampledFaces):
         second, first = _shares(other, one)
         return first, second

@@ -64,7 +64,7 @@ class PileSolver:
         """states: of each; empty: all at rest. contacts: between them, by the names of the interfaces. guests: of
         bodies of other models that these meet, too"""
         self._dt = setups[0].scene.step
-        self._all = Pieces(setups, sum(len(faces.area) for faces in guests))
+        self._all = Pieces(setups)
         self.pieces = self._all.each
         """in the order of the bodies"""
         self._cut = [piece for piece in self.pieces if piece.body.cut]
@@ -74,7 +74,7 @@ class PileSolver:
         b = len(self.pieces)
         self._inputs, self._team, self._ws = new_inputs(self._n_tools, 0), new_team(alone=True), new_workspace()
         self._notes = np.zeros((b, of_pile.N_NOTES), dtype=np.int64)
-        self._guests = Guests(guests, self._all.n_rows)
+        self._guests = Guests(guests, len(setups))
         self._between = Between(contacts or {}, self._all, self._guests)
         self._same = np.zeros(b, dtype=np.bool_)  # both states are the same: those that were asleep
         for number, piece in enumerate(self.pieces):
@@ -136,9 +136,9 @@ class PileSolver:
         of_pile.advance_bodies(rows, alone, self._inputs, request.dt, *working)
         for each in groups:
             advance_group(
-                *(rows, each.bodies, each.met, between.touch, between.forces[self._now]),
-                *(between.forces[1 - self._now], self._guests.arrays, each.guests, self._all.xw, between.centre),
-                *(self._inputs, request.dt, *working),
+                *(rows, tuple(each), between.touch, between.forces[self._now], between.forces[1 - self._now]),
+                *(self._guests.patches, self._guests.arrays, self._all.xw, between.centre, self._inputs, request.dt),
+                *working,
             )
         dissipated = np.zeros(len(self.pieces))
         notes = {int(number): self._step_apart(int(number), request, dissipated) for number in apart}

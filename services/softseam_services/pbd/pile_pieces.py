@@ -70,10 +70,10 @@ class Piece:
 class Pieces:
     """All of them, b bodies between the same t tools; what evolves, and what comes of a step, is in arrays of all.
 
-    n_more  rows of nodes after theirs, for others to use. Raises SettingError where a body cannot be one.
+    Raises SettingError where a body cannot be one.
     """
 
-    def __init__(self, setups: Sequence[Setup], n_more: int = 0) -> None:
+    def __init__(self, setups: Sequence[Setup]) -> None:
         built = [_region(setup) for setup in setups]
         sizes = [_sizes(model, parameters) for _, _, model, parameters in built]
         ends = np.cumsum([size_of(*each) for each in sizes])
@@ -87,7 +87,7 @@ class Pieces:
         self.wrenches: Floats = np.zeros((b, t, 6))
         """on each body [N, N m]"""
         nodes = np.cumsum([0, *(each[0] + _PADDING for each in sizes)])
-        self.xw: Floats = aligned(int(nodes[-1]) + n_more, 4)
+        self.xw: Floats = aligned(int(nodes[-1]), 4)
         """positions [m] and inverse masses [1/kg] within a step, of each body's nodes and then its padding"""
         self.n_rows = int(nodes[-1])
         """of the bodies there"""

@@ -23,25 +23,14 @@ from softseam_coupling.kernels.nearest_face import nearest_faces, point_normals
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import njit, record
 
-from .between_row import (
-    BEGAN,
-    CORNER,
-    FACED,
-    FORCE,
-    GIVES,
-    HELD,
-    NORMAL,
-    OTHER,
-    OWN,
-    PLACE,
-    POINT,
-    RUB,
-    SHARE,
-    SLIDES,
-    SOFT,
-    YIELDS,
-)
-from .guests import move_guest
+POINT, CORNER, PLACE, OWN, OTHER = 0, 1, 4, 5, 6
+N_INTS = 7
+"""of a row: point and three corners, as rows of the pile's xw; place of the point among forces; numbers of its body and
+of the other"""
+SHARE, NORMAL, SOFT, GIVES, RUB, FORCE, HELD, BEGAN, FACED = 0, 3, 6, 7, 8, 9, 12, 15, 18
+N_NUMBERS = 21
+"""of a row: s (3,), n (3,), alpha [m/N], c/h^2 [1/kg], mu, f and t_0 (3,) [N], where the point and the place on the
+face were as the substep began (3,) [m]"""
 
 DEPTH, LARGEST, WORK = 0, 1, 2
 N_MET = 3
@@ -59,7 +48,9 @@ class Touch(NamedTuple):
     node: Ints
     """of each point, in its body (p,)"""
     row: Ints
-    """of each body's first node in the pile's xw (b,)"""
+    """of each body's first node in the pile's xw (b,); guests' are after these, and not there"""
+    number: Ints
+    """point of each row, counted from the first of its body, -1 of nodes that are none"""
     first_triangle: Ints
     """(b + 1,)"""
     corners: Ints
@@ -67,7 +58,7 @@ class Touch(NamedTuple):
     area: Floats
     """that each point stands for (p,) [m^2]"""
     inverse_mass: Floats
-    """of each (p,) [1/kg], 0 of what does not move, and of guests"""
+    """of each (p,) [1/kg], 0 of guests'"""
     yields: Floats
     """how far the surface of each body sinks in under a pressure (b,) [m/Pa]"""
     spacing: Floats
@@ -104,10 +95,9 @@ class Touch(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def find_rows(members, n_own, touch, asleep, held, kept, dt):
-    """Rows of a step of dt [s] from where bodies are, but of meetings of which a body is asleep (b,). Guests' points
-    are at their places in `touch` already.
+    """Rows of a step of dt [s] from where bodies are, but of meetings of which a body is asleep (b,). Guests, whose
+    numbers are n_own and more, have their points in `touch` already; rows with them are for `patches`.
 
-    n_own       bodies of the pile: others are guests
     held, kept  forces on points between bodies as the step begins (f, 3) [N], and as it ends: so far of those asleep
     """
     first, corners, first_triangle = touch.first, touch.corners, touch.first_triangle
@@ -208,7 +198,6 @@ def _find_of(touch, meeting, side, n):
         area = covered * touch.presses[meeting, side] * touch.area[point]
         row[SOFT] = (touch.yields[own] + touch.yields[other]) / area
         row[GIVES], row[RUB] = gives, touch.friction[meeting]
-        row[YIELDS] = row[SLIDES] = 0.0
         n += 1
     return n
 
@@ -295,21 +284,17 @@ def begin_rows(touch, meetings, held, cold):
 
 
 @njit(cache=True, error_model="numpy")
-def pull_rows(members, n_own, touch, meetings):
+def pull_rows(members, touch, meetings):
     """Add the rows' forces to what blocks pull with, see `substep.carried`."""
     for meeting in meetings:
         for r in range(touch.start[meeting], touch.start[meeting + 1]):
             ints, row = touch.ints[r], touch.rows[r]
             own, other = ints[OWN], ints[OTHER]
-            if own < n_own:
-                mine = members[own].scratch.pull
-                for c in range(3):
-                    mine[ints[POINT] - touch.row[own], c] += row[FORCE + c]
-            if other < n_own:
-                theirs = members[other].scratch.pull
-                for c in range(3):
-                    for k in range(3):
-                        theirs[ints[CORNER + k] - touch.row[other], c] -= row[SHARE + k] * row[FORCE + c]
+            mine, theirs = members[own].scratch.pull, members[other].scratch.pull
+            for c in range(3):
+                mine[ints[POINT] - touch.row[own], c] += row[FORCE + c]
+                for k in range(3):
+                    theirs[ints[CORNER + k] - touch.row[other], c] -= row[SHARE + k] * row[FORCE + c]
 
 
 @njit(cache=True, error_model="numpy")
@@ -332,13 +317,12 @@ def _on_face(ints, row, xw, c):
 
 
 @njit(cache=True, error_model="numpy")
-def project_rows(touch, meetings, xw, hh, guests, n_own, n_substeps):
-    """Solve (1) for the rows of these, one after the other; hh is the substep squared [s^2]. xw is moved, of guests,
-    whose numbers are n_own and more, as they answer in one of so many substeps."""
+def project_rows(touch, meetings, xw, hh):
+    """Solve (1) for the rows of these, one after the other; hh is the substep squared [s^2]. xw is moved."""
     for meeting in meetings:
         for r in range(touch.start[meeting], touch.start[meeting + 1]):
             ints, row = touch.ints[r], touch.rows[r]
-            if row[GIVES] + row[YIELDS] == 0.0:
+            if row[GIVES] == 0.0:
                 continue
             nx, ny, nz = row[NORMAL], row[NORMAL + 1], row[NORMAL + 2]
             fx, fy, fz = row[FORCE], row[FORCE + 1], row[FORCE + 2]
@@ -346,7 +330,7 @@ def project_rows(touch, meetings, xw, hh, guests, n_own, n_substeps):
             dy = xw[ints[POINT], 1] - _on_face(ints, row, xw, 1)
             dz = xw[ints[POINT], 2] - _on_face(ints, row, xw, 2)
             soft = row[SOFT]
-            stiff = 1.0 / (hh * row[GIVES] + soft + row[YIELDS])
+            stiff = 1.0 / (hh * row[GIVES] + soft)
             old = max(0.0, fx * nx + fy * ny + fz * nz)
             p = max(0.0, old - (dx * nx + dy * ny + dz * nz + soft * old) * stiff)
             tx, ty, tz = 0.0, 0.0, 0.0
@@ -354,8 +338,7 @@ def project_rows(touch, meetings, xw, hh, guests, n_own, n_substeps):
                 sx = dx - row[BEGAN] + row[FACED] + soft * (fx - row[HELD])
                 sy = dy - row[BEGAN + 1] + row[FACED + 1] + soft * (fy - row[HELD + 1])
                 sz = dz - row[BEGAN + 2] + row[FACED + 2] + soft * (fz - row[HELD + 2])
-                across = 1.0 / (hh * row[GIVES] + soft + row[SLIDES])
-                tx, ty, tz = fx - sx * across, fy - sy * across, fz - sz * across
+                tx, ty, tz = fx - sx * stiff, fy - sy * stiff, fz - sz * stiff
                 tn = tx * nx + ty * ny + tz * nz
                 tx, ty, tz = tx - tn * nx, ty - tn * ny, tz - tn * nz
                 size, bound = np.sqrt(tx * tx + ty * ty + tz * tz), row[RUB] * p
@@ -363,16 +346,9 @@ def project_rows(touch, meetings, xw, hh, guests, n_own, n_substeps):
                     tx, ty, tz = tx * bound / size, ty * bound / size, tz * bound / size
             gx, gy, gz = p * nx + tx - fx, p * ny + ty - fy, p * nz + tz - fz
             row[FORCE], row[FORCE + 1], row[FORCE + 2] = fx + gx, fy + gy, fz + gz
-            if ints[OWN] < n_own:
-                _move(xw, ints[POINT], hh, gx, gy, gz)
-            else:
-                move_guest(guests, ints[OWN] - n_own, ints[POINT], 1.0 / n_substeps, gx, gy, gz, xw)
+            _move(xw, ints[POINT], hh, gx, gy, gz)
             for k in range(3):
-                if ints[OTHER] < n_own:
-                    _move(xw, ints[CORNER + k], -hh * row[SHARE + k], gx, gy, gz)
-                else:
-                    share = -row[SHARE + k] / n_substeps
-                    move_guest(guests, ints[OTHER] - n_own, ints[CORNER + k], share, gx, gy, gz, xw)
+                _move(xw, ints[CORNER + k], -hh * row[SHARE + k], gx, gy, gz)
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

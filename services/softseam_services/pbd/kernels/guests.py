@@ -1,13 +1,13 @@
-"""Bodies of other models that touch a pile: how their surfaces go along while the pile's bodies take their substeps.
+"""Bodies of other models that touch a pile: how they go along while the pile's bodies take their substeps.
 
-A guest was advanced by a step before, under forces that were thought to act. Without them its surface would have gone
-from x_0 to x_1, and a constant force on it moves it by dx = A df. In substep k of N the pile's bodies meet it at
+A guest was advanced by a step before, under the forces F with which its patches begin, from x_0 to x_1; other constant
+forces on them move them by dx = A (f - F). In substep k of N the pile's bodies meet them at
 
-    u_k = x_0 + k/N (x_1 - x_0) + 1/N A sum_{j <= k} f_j                                                         (1)
+    u_k = x_0 + k/N (x_1 - x_0) + 1/N A sum_{j <= k} (f_j - F)                                                   (1)
 
-with the forces f_j of substep j, so that a row's force moves the guest by A df/N at once: it is solved with
-c + b A b^T/N in place of c, see `between`, b being the weights of the guest's points in the row. At the end u_N is
-where the guest goes under the mean force f = 1/N sum f_j, linearly, which is what acts on it: momentum is kept.
+with the forces f_j of substep j, so that a patch's force moves the guest by A df/N at once: it is solved with c + A/N
+in place of c, see `between`. At the end u_N is where the guest goes under the mean force f = 1/N sum f_j, linearly,
+which is what acts on it: momentum is kept.
 
 What contact takes from the pile's bodies, -sum_k f_k (u_k - u_{k-1}), and what the guest has of it, f (u_N - x_0), are
 
@@ -23,197 +23,197 @@ import numpy as np
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import njit, record
 
-from .between_row import CORNER, FORCE, NORMAL, OTHER, OWN, POINT, SHARE, SLIDES, YIELDS
+from .patches import (
+    BODY,
+    END,
+    FIRST,
+    FORCE,
+    GIVES,
+    GUEST,
+    GUEST_SLOT,
+    HELD,
+    NORMAL,
+    RUB,
+    SLIDES,
+    SLOT,
+    SOFT,
+    YIELDS,
+    place_of,
+    place_on_guest,
+)
 
 
 @record
 class Guests(NamedTuple):
-    """g bodies with q points in all, in the order of their rows."""
+    """g bodies with s slots in all, one of each patch that they are in."""
 
-    first: Ints
-    """of the points of each (g + 1,)"""
-    row: Ints
-    """of the first point of all, in the pile's xw (1,)"""
+    n_own: Ints
+    """bodies of the pile (1,)"""
+    first_slot: Ints
+    """(g + 1,)"""
     came: Floats
-    """points as the step begins (q, 3) [m]"""
+    """their patches as the step begins (s, 3) [m]"""
     goes: Floats
-    """and as it ends, if nothing touches them"""
+    """and as it ends, under these forces"""
+    begun: Floats
+    """with which they begin (s, 3) [N]"""
     answers: Floats
-    """A of each between its points that count in the step, one after the other, in rows [m/N]"""
+    """A of each, one after the other, in rows [m/N]"""
     begin: np.ndarray[tuple[int], np.dtype[np.int64]]
     """first number of each there (g + 1,)"""
-    listed: Ints
-    """these points, counted from the first of their body, at that one's place and after (q,)"""
-    n_listed: Ints
-    """how many they are (g,)"""
-    slot: Ints
-    """place of each point among them, -1 of others (q,)"""
+    at: Floats
+    """patches within the step (s, 3) [m]"""
     now: Floats
-    """forces of the substep at hand (q, 3) [N]"""
+    """forces of the substep at hand (s, 3) [N]"""
     felt: Floats
-    """mean forces over the step (q, 3) [N]; sums over its substeps so far, while it is taken"""
+    """mean forces over the step (s, 3) [N]; sums over its substeps so far, while it is taken"""
     moment: Floats
-    """of these about the world's origin (g, 3) [N m], where the others were that exert them"""
+    """of these about the world's origin, where the others were that exert them (g, 3) [N m]"""
     lost: Ints
     """1 of each whose pile's step was lost: what it felt is not known (g,)"""
 
 
 @njit(cache=True, error_model="numpy")
-def list_points(guests, touch, n_own):
-    """guests.slot, listed, n_listed <- the points that rows name, met by n_own bodies of the pile and one another."""
-    guests.slot[:] = -1
-    for r in range(touch.start[len(touch.pair)]):
-        ints = touch.ints[r]
-        if ints[OWN] >= n_own:
-            guests.slot[ints[POINT] - guests.row[0]] = 0
-        if ints[OTHER] >= n_own:
-            for k in range(3):
-                guests.slot[ints[CORNER + k] - guests.row[0]] = 0
-    for guest in range(len(guests.n_listed)):
-        first, n = guests.first[guest], 0
-        for q in range(first, guests.first[guest + 1]):
-            if guests.slot[q] == 0:
-                guests.slot[q] = n
-                guests.listed[first + n] = q - first
-                n += 1
-        guests.n_listed[guest] = n
-
-
-@njit(cache=True, error_model="numpy")
-def begin_guests(guests, which, touch, meetings, n_own, n_substeps, xw):
-    """An attempt at a step in so many substeps begins.
-
-    which  numbers of the guests that take part (k,)
-    """
+def begin_guests(guests, which, patches, meetings, n_substeps):
+    """An attempt at a step in so many substeps begins; which (k,): the guests that take part."""
     for guest in which:
-        first = guests.first[guest]
         guests.lost[guest] = 0
         for c in range(3):
             guests.moment[guest, c] = 0.0
-        for i in range(guests.n_listed[guest]):
-            q = first + guests.listed[first + i]
-            for c in range(3):
-                xw[guests.row[0] + q, c] = guests.came[q, c]
-                guests.felt[q, c] = 0.0
+            for slot in range(guests.first_slot[guest], guests.first_slot[guest + 1]):
+                guests.at[slot, c] = guests.came[slot, c]
+                guests.felt[slot, c] = 0.0
     for meeting in meetings:
-        for r in range(touch.start[meeting], touch.start[meeting + 1]):
-            _find_answer(guests, touch.ints[r], touch.rows[r], n_own, 1.0 / n_substeps)
+        for r in range(patches.start[meeting], patches.start[meeting + 1]):
+            ints, row = patches.ints[r], patches.rows[r]
+            along, whole = _own_answer(guests, ints[GUEST], ints[GUEST_SLOT], row)
+            if ints[SLOT] >= 0:
+                a, w = _own_answer(guests, ints[BODY] - guests.n_own[0], ints[SLOT], row)
+                along, whole = along + a, whole + w
+            row[YIELDS], row[SLIDES] = along / n_substeps, 0.5 * (whole - along) / n_substeps
 
 
 @njit(cache=True, error_model="numpy")
-def _find_answer(guests, ints, row, n_own, share):
-    """row[YIELDS], row[SLIDES] <- b A b^T/N along the normal, and across it in the mean [m/N]."""
-    along = whole = 0.0
-    base = guests.row[0]
-    if ints[OWN] >= n_own:
-        slot = guests.slot[ints[POINT] - base]
-        along, whole = _between(guests, ints[OWN] - n_own, slot, slot, row)
-    if ints[OTHER] >= n_own:
-        for k in range(3):
-            for m in range(3):
-                one, other = guests.slot[ints[CORNER + k] - base], guests.slot[ints[CORNER + m] - base]
-                a, w = _between(guests, ints[OTHER] - n_own, one, other, row)
-                both = row[SHARE + k] * row[SHARE + m]
-                along, whole = along + both * a, whole + both * w
-    row[YIELDS], row[SLIDES] = share * along, share * 0.5 * (whole - along)
-
-
-@njit(cache=True, error_model="numpy")
-def _between(guests, guest, one, other, row):
-    """n A n and the trace of A between two of the listed points."""
-    n, begin = 3 * guests.n_listed[guest], guests.begin[guest]
+def _own_answer(guests, guest, slot, row):
+    """n A n and the trace of A of one slot."""
+    n = 3 * (guests.first_slot[guest + 1] - guests.first_slot[guest])
     along = whole = 0.0
     for c in range(3):
+        at = guests.begin[guest] + (3 * slot + c) * n + 3 * slot
         for d in range(3):
-            a = guests.answers[begin + (3 * one + c) * n + 3 * other + d]
-            along += row[NORMAL + c] * a * row[NORMAL + d]
-        whole += guests.answers[begin + (3 * one + c) * n + 3 * other + c]
+            along += row[NORMAL + c] * guests.answers[at + d] * row[NORMAL + d]
+        whole += guests.answers[at + c]
     return along, whole
 
 
 @njit(cache=True, error_model="numpy")
-def place_guests(guests, which, touch, meetings, n_own, substep, n_substeps, xw):
-    """Guests are where (1) has them as substep `substep` (0 and more) ends, with the forces that its rows have now."""
-    _feel(guests, which, touch, meetings, n_own)
-    row, share = guests.row[0], (substep + 1.0) / n_substeps
+def place_guests(guests, which, patches, meetings, substep, n_substeps):
+    """Guests are where (1) has them as substep `substep` (0 and more) ends, with the forces that patches have now."""
+    _feel(guests, which, patches, meetings)
+    share = (substep + 1.0) / n_substeps
     for guest in which:
-        first, n, begin = guests.first[guest], guests.n_listed[guest], guests.begin[guest]
-        for i in range(n):
-            q = first + guests.listed[first + i]
+        first, end, at = guests.first_slot[guest], guests.first_slot[guest + 1], guests.begin[guest]
+        for slot in range(first, end):
             for c in range(3):
-                at = begin + (3 * i + c) * 3 * n
                 more = 0.0
-                for j in range(n):
-                    p = first + guests.listed[first + j]
+                for other in range(first, end):
                     for d in range(3):
-                        more += guests.answers[at + 3 * j + d] * (guests.felt[p, d] + guests.now[p, d])
-                xw[row + q, c] = (1.0 - share) * guests.came[q, c] + share * guests.goes[q, c] + more / n_substeps
+                        load = guests.felt[other, d] + guests.now[other, d] - (substep + 1.0) * guests.begun[other, d]
+                        more += guests.answers[at] * load
+                        at += 1
+                went = (1.0 - share) * guests.came[slot, c] + share * guests.goes[slot, c]
+                guests.at[slot, c] = went + more / n_substeps
 
 
 @njit(cache=True, error_model="numpy")
-def move_guest(guests, guest, place, share, x, y, z, xw):
-    """A guest answers a change of the force on one of its points, a row of xw, by so much of A."""
-    first, n, begin = guests.first[guest], guests.n_listed[guest], guests.begin[guest]
-    row = guests.row[0]
-    at = begin + 9 * n * guests.slot[place - row]
+def project_patches(patches, meetings, xw, hh, guests, n_substeps):
+    """Solve eq. (1) of `between` for patches, one after the other; hh is the substep squared [s^2]. xw is moved, and
+    guests."""
+    for meeting in meetings:
+        for r in range(patches.start[meeting], patches.start[meeting + 1]):
+            ints, row = patches.ints[r], patches.rows[r]
+            nx, ny, nz = row[NORMAL], row[NORMAL + 1], row[NORMAL + 2]
+            fx, fy, fz = row[FORCE], row[FORCE + 1], row[FORCE + 2]
+            dx = place_of(patches, ints, xw, guests, 0) - place_on_guest(ints, guests, 0)
+            dy = place_of(patches, ints, xw, guests, 1) - place_on_guest(ints, guests, 1)
+            dz = place_of(patches, ints, xw, guests, 2) - place_on_guest(ints, guests, 2)
+            soft = row[SOFT]
+            stiff = 1.0 / (hh * row[GIVES] + soft + row[YIELDS])
+            old = max(0.0, fx * nx + fy * ny + fz * nz)
+            p = max(0.0, old - (dx * nx + dy * ny + dz * nz + soft * old) * stiff)
+            tx, ty, tz = 0.0, 0.0, 0.0
+            if p > 0.0 and row[RUB] > 0.0:
+                began = patches.began[r]
+                sx = dx - began[0, 0] + began[1, 0] + soft * (fx - row[HELD])
+                sy = dy - began[0, 1] + began[1, 1] + soft * (fy - row[HELD + 1])
+                sz = dz - began[0, 2] + began[1, 2] + soft * (fz - row[HELD + 2])
+                across = 1.0 / (hh * row[GIVES] + soft + row[SLIDES])
+                tx, ty, tz = fx - sx * across, fy - sy * across, fz - sz * across
+                tn = tx * nx + ty * ny + tz * nz
+                tx, ty, tz = tx - tn * nx, ty - tn * ny, tz - tn * nz
+                size, bound = np.sqrt(tx * tx + ty * ty + tz * tz), row[RUB] * p
+                if size > bound:
+                    tx, ty, tz = tx * bound / size, ty * bound / size, tz * bound / size
+            gx, gy, gz = p * nx + tx - fx, p * ny + ty - fy, p * nz + tz - fz
+            if gx == 0.0 and gy == 0.0 and gz == 0.0:
+                continue
+            row[FORCE], row[FORCE + 1], row[FORCE + 2] = fx + gx, fy + gy, fz + gz
+            for k in range(ints[FIRST], ints[END]):
+                node = patches.node[k]
+                step = hh * patches.weight[k] * xw[node, 3]
+                xw[node, 0] += step * gx
+                xw[node, 1] += step * gy
+                xw[node, 2] += step * gz
+            if ints[SLOT] >= 0:
+                _move(guests, ints[BODY] - guests.n_own[0], ints[SLOT], 1.0 / n_substeps, gx, gy, gz)
+            _move(guests, ints[GUEST], ints[GUEST_SLOT], -1.0 / n_substeps, gx, gy, gz)
+
+
+@njit(cache=True, error_model="numpy")
+def _move(guests, guest, slot, share, x, y, z):
+    """A guest answers a change of the force at one of its slots, by so much of A."""
+    first, n = guests.first_slot[guest], guests.first_slot[guest + 1] - guests.first_slot[guest]
+    at = guests.begin[guest] + 9 * n * slot
     x, y, z = share * x, share * y, share * z
     for i in range(n):
-        q = row + first + guests.listed[first + i]
         for c in range(3):
             k = at + 3 * i + c  # A is symmetric: its rows are its columns
-            xw[q, c] += guests.answers[k] * x + guests.answers[k + 3 * n] * y + guests.answers[k + 6 * n] * z
+            more = guests.answers[k] * x + guests.answers[k + 3 * n] * y + guests.answers[k + 6 * n] * z
+            guests.at[first + i, c] += more
 
 
 @njit(cache=True, error_model="numpy")
-def _feel(guests, which, touch, meetings, n_own):
-    """guests.now <- the forces of the rows."""
-    row = guests.row[0]
+def _feel(guests, which, patches, meetings):
+    """guests.now <- the forces of patches."""
     for guest in which:
-        first = guests.first[guest]
-        for i in range(guests.n_listed[guest]):
+        for slot in range(guests.first_slot[guest], guests.first_slot[guest + 1]):
             for c in range(3):
-                guests.now[first + guests.listed[first + i], c] = 0.0
+                guests.now[slot, c] = 0.0
     for meeting in meetings:
-        for r in range(touch.start[meeting], touch.start[meeting + 1]):
-            ints, own = touch.ints[r], touch.rows[r]
+        for r in range(patches.start[meeting], patches.start[meeting + 1]):
+            ints, row = patches.ints[r], patches.rows[r]
             for c in range(3):
-                if ints[OWN] >= n_own:
-                    guests.now[ints[POINT] - row, c] += own[FORCE + c]
-                if ints[OTHER] >= n_own:
-                    for k in range(3):
-                        guests.now[ints[CORNER + k] - row, c] -= own[SHARE + k] * own[FORCE + c]
+                guests.now[guests.first_slot[ints[GUEST]] + ints[GUEST_SLOT], c] -= row[FORCE + c]
+                if ints[SLOT] >= 0:
+                    mine = guests.first_slot[ints[BODY] - guests.n_own[0]] + ints[SLOT]
+                    guests.now[mine, c] += row[FORCE + c]
 
 
 @njit(cache=True, error_model="numpy")
-def push_guests(guests, which, touch, meetings, n_own, n_substeps, xw):
-    """A substep ends: its forces are added to those of the others, and what they turn."""
-    _feel(guests, which, touch, meetings, n_own)
+def push_guests(guests, which, patches, meetings):
+    """A substep ends: its forces are added to those of the others."""
+    _feel(guests, which, patches, meetings)
     for guest in which:
-        first = guests.first[guest]
-        for i in range(guests.n_listed[guest]):
-            q = first + guests.listed[first + i]
+        for slot in range(guests.first_slot[guest], guests.first_slot[guest + 1]):
             for c in range(3):
-                guests.felt[q, c] += guests.now[q, c]
-    for meeting in meetings:
-        for r in range(touch.start[meeting], touch.start[meeting + 1]):
-            ints, row = touch.ints[r], touch.rows[r]
-            if ints[OWN] < n_own and ints[OTHER] < n_own:
-                continue
-            for c in range(3):
-                j, k = (c + 1) % 3, (c + 2) % 3
-                at_j, at_k = xw[ints[POINT], j], xw[ints[POINT], k]
-                turned = (at_j * row[FORCE + k] - at_k * row[FORCE + j]) / n_substeps
-                if ints[OWN] >= n_own:
-                    guests.moment[ints[OWN] - n_own, c] += turned
-                if ints[OTHER] >= n_own:
-                    guests.moment[ints[OTHER] - n_own, c] -= turned
+                guests.felt[slot, c] += guests.now[slot, c]
 
 
 @njit(cache=True, error_model="numpy")
-def end_guests(guests, which, n_substeps):
+def end_guests(guests, which, n_substeps, lost):
     """guests.felt <- mean forces over the step."""
     for guest in which:
-        first = guests.first[guest]
-        for i in range(guests.n_listed[guest]):
+        guests.lost[guest] = 1 if lost else 0
+        for slot in range(guests.first_slot[guest], guests.first_slot[guest + 1]):
             for c in range(3):
-                guests.felt[first + guests.listed[first + i], c] /= n_substeps
+                guests.felt[slot, c] /= n_substeps
