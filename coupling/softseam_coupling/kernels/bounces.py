@@ -1,6 +1,5 @@
 """What steps damp of bounces, body by body, see `orchestrator.step_losses`."""
 
-
 from softseam_coupling.kept_kernels import njit
 
 KINETIC, STRAIN, DISSIPATION, DRIVE_WORK = range(4)
