@@ -6,7 +6,6 @@ The order of requests is the protocol's (`softseam_protocol.participant.requests
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.participant import Bundle, Configure, Configured
@@ -45,12 +44,12 @@ class Setup:
     why: str = ""
     """why they name this model, where the scene itself names none"""
 
-    @cached_property
-    def touched(self) -> SampledFaces:
-        """Its surface as a pile touches it. Raises SettingError where there is none."""
+    def touched(self, others: float) -> SampledFaces:
+        """Its surface as a pile touches it, whose nodes are so far from one another [m]. Raises SettingError where
+        there is none."""
         model = self.scene.regions.default
         assert self.body.has_cells and model is not None
-        return sampled_faces(self.body, model_functions(self.scene.models)[model])
+        return sampled_faces(self.body, model_functions(self.scene.models)[model], others)
 
 
 def build_setup(bundle: Bundle, name: str = ONLY_BODY) -> Setup:

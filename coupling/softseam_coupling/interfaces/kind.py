@@ -33,6 +33,8 @@ class Faces:
     """of the points [m]"""
     yields: float
     """how far it sinks in under a pressure [m/Pa]"""
+    places: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    """of the points at rest (p, 3) [m]"""
 
 
 @dataclass(frozen=True)

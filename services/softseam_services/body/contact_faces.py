@@ -17,4 +17,4 @@ def faces_of(body: Body) -> Faces | None:
     nodes = body.cell_nodes[surface.cell, places @ np.array([1, 3, 9])]
     spacing = 0.5 * body.resolution
     softest = min(material.young for material in body.materials)
-    return Faces(nodes, surface.triangles, surface.area, spacing, spacing / (DENSE * softest))
+    return Faces(nodes, surface.triangles, surface.area, spacing, spacing / (DENSE * softest), body.x_rest[nodes])

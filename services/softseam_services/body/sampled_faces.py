@@ -1,9 +1,11 @@
 """The surface of a body by points that follow its nodes, as close as its functions ask for, as a pile touches it.
 
-A model whose functions are quadratic answers a pressure by other forces on its nodes than a linear one does; forces on
-points at a quarter of a cell, which nodes share as functions say, are nearly those.
+A model whose functions are quadratic answers a pressure by other forces on its nodes than a linear one does: those of
+points that nodes share as functions say. Where these are Simpson's for panels of half a cell's edge and of the other's
+squares, an even pressure, and one that is bilinear in each square, gives nodes of both exactly their forces.
 """
 
+import math
 from dataclasses import dataclass
 from itertools import product
 
@@ -18,8 +20,8 @@ from softseam_services.body.kernels.shape_functions import fill_weights
 from softseam_services.body.outer_faces import FACE_NODES, is_covered_by_faces
 from softseam_services.tools.kernels import DENSE
 
-_ALONG = 5
-"""points along a cell's edge"""
+_MOST = 16
+"""panels along a cell's edge"""
 
 
 @dataclass(frozen=True)
@@ -37,11 +39,9 @@ class SampledFaces:
     area: Floats
     """that each point stands for (p,) [m^2]"""
     among: Ints
-    """points at places of nodes, between which each is, the first four times where it is one itself (p, 4)"""
+    """points at places of nodes, between which each is (p, 4)"""
     part: Floats
     """and how much it is of each, by how near (p, 4) [1]"""
-    closeness: float
-    """of the points [m]"""
     spacing: float
     """of the nodes [m]"""
     yields: float
@@ -52,23 +52,29 @@ class SampledFaces:
         return np.asarray(self.weights @ x) + self.clamped
 
 
-def sampled_faces(body: Body, functions: Functions) -> SampledFaces:
-    """Of a body in hexahedra, interpolated so. Raises SettingError where its surface runs through cells."""
+def sampled_faces(body: Body, functions: Functions, others: float) -> SampledFaces:
+    """Of a body in hexahedra, interpolated so, that touches nodes which are so far from one another [m]. Raises
+    SettingError where its surface runs through cells."""
     if body.tetrahedra or not is_covered_by_faces(body):
         raise SettingError("contact meets no surface that runs through cells yet: take a block")
-    cell, local, quads, among = _lattices(body)
+    panels = min(max(2, math.ceil(body.resolution / others - 1e-6) if others < body.resolution else 0), _MOST)
+    simpson = np.array([1.0, *(4.0, 2.0) * (panels - 1), 4.0, 1.0]) / (6.0 * panels)
+    cell, local, side, quads, among, part = _lattices(body, panels)
     indptr = np.zeros(len(local) + 1, dtype=np.int32)
     node, weight = np.empty(27 * len(local), dtype=np.int32), np.empty(27 * len(local))
     count = fill_weights(local, cell, body.cell_nodes, FUNCTION_NUMBER[functions], indptr, node, weight)
     follows = csr_array((weight[:count], node[:count], indptr), shape=(len(local), body.n_nodes))
     rest = np.asarray(follows @ body.x_rest)
-    _, one, number = np.unique(np.rint(rest * (1e6 / body.resolution)), axis=0, return_index=True, return_inverse=True)
-    number = number.ravel()  # points that faces share are one
+    # points that faces share are one, but at an edge, where each face looks its own way
+    key = np.column_stack([np.rint(rest * (1e6 / body.resolution)), side])
+    _, one, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    number = number.ravel()
     follows, rest = follows[one], rest[one]
     quads, among = number[quads].astype(np.int32), number[among[one]].astype(np.int32)
-    side = np.cross(rest[quads[:, 2]] - rest[quads[:, 0]], rest[quads[:, 3]] - rest[quads[:, 1]])
+    spread = np.cross(rest[quads[:, 2]] - rest[quads[:, 0]], rest[quads[:, 3]] - rest[quads[:, 1]])
+    of_face = 0.5 * np.linalg.norm(spread, axis=1).reshape(-1, (2 * panels) ** 2).sum(axis=1)
     area = np.zeros(len(rest))
-    np.add.at(area, quads, 0.125 * np.linalg.norm(side, axis=1)[:, None])
+    np.add.at(area, number, np.outer(of_face, np.outer(simpson, simpson)).ravel())
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
     used = np.unique(follows.tocoo().col[follows.tocoo().data != 0.0])
     free = used[~body.fixed[used]]
@@ -82,34 +88,41 @@ def sampled_faces(body: Body, functions: Functions) -> SampledFaces:
         triangles,
         area,
         among,
-        np.full(among.shape, 0.25),
-        body.resolution / (_ALONG - 1),
+        part[one],
         spacing,
         spacing / (DENSE * softest),
     )
 
 
-def _lattices(body: Body) -> tuple[Ints, Floats, Ints, Ints]:
-    """Cell and local coordinates of the points of all outer faces, face by face; their quads, from outside; and of each
-    the four points at nodes' places around it, of which some are one where it is near none or two."""
+def _lattices(body: Body, panels: int) -> tuple[Ints, Floats, Ints, Ints, Ints, Floats]:
+    """Cell and local coordinates of the points of all outer faces, face by face, at the ends and middles of so many
+    panels along an edge, and which side of its cell each is on; their quads, from outside; and of each the four points
+    at places of nodes around it, with its share in them."""
     count = np.bincount(body.cell_nodes[:, FACE_NODES[:, 0]].ravel(), minlength=body.n_nodes)
-    steps = np.linspace(-1.0, 1.0, _ALONG)
-    u, v = (each.ravel() for each in np.meshgrid(steps, steps, indexing="ij"))
-    corner = np.array([_ALONG * i + j for i, j in product(range(_ALONG - 1), repeat=2)])
-    quad = corner[:, None] + np.array([0, _ALONG, _ALONG + 1, 1])
-    i, j = (each.ravel() for each in np.meshgrid(np.arange(_ALONG), np.arange(_ALONG), indexing="ij"))
+    along = 2 * panels + 1
+    i, j = (each.ravel() for each in np.meshgrid(np.arange(along), np.arange(along), indexing="ij"))
+    corner = np.array([along * a + b for a, b in product(range(along - 1), repeat=2)])
+    quad = corner[:, None] + np.array([0, along, along + 1, 1])
+    before_i, before_j = panels * (i >= panels), panels * (j >= panels)  # of the places of nodes 0, panels, 2 panels
+    u, v = (i - before_i) / panels, (j - before_j) / panels
     around = np.stack(
-        [_ALONG * (2 * ((i + a) // 2)) + 2 * ((j + b) // 2) for a, b in product((0, 1), repeat=2)], axis=1
+        [along * (before_i + a * panels) + before_j + b * panels for a, b in product((0, 1), repeat=2)], 1
     )
-    cells, locals_, quads, among, n = [], [], [], [], 0
+    share = np.stack([(1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v], axis=1)
+    cells, places, sides, quads, among, parts, n = [], [], [], [], [], [], 0
     for number in range(6):
         axis, sign = number // 2, 2.0 * (number % 2) - 1.0
         outer = np.flatnonzero(count[body.cell_nodes[:, FACE_NODES[number, 0]]] == 1)
-        local = np.empty((len(u), 3))
-        local[:, axis], local[:, (axis + 1) % 3], local[:, (axis + 2) % 3] = sign, u, sign * v
-        cells.append(np.repeat(outer, len(u)))
-        locals_.append(np.tile(local, (len(outer), 1)))
-        quads.append((n + len(u) * np.arange(len(outer))[:, None, None] + quad).reshape(-1, 4))
-        among.append((n + len(u) * np.arange(len(outer))[:, None, None] + around).reshape(-1, 4))
-        n += len(u) * len(outer)
-    return np.concatenate(cells).astype(np.int32), np.concatenate(locals_), np.concatenate(quads), np.concatenate(among)
+        local = np.empty((along**2, 3))
+        local[:, axis] = sign
+        local[:, (axis + 1) % 3], local[:, (axis + 2) % 3] = i / panels - 1.0, sign * (j / panels - 1.0)
+        first = n + along**2 * np.arange(len(outer))[:, None, None]
+        cells.append(np.repeat(outer, along**2))
+        sides.append(np.full(along**2 * len(outer), number))
+        places.append(np.tile(local, (len(outer), 1)))
+        quads.append((first + quad).reshape(-1, 4))
+        among.append((first + around).reshape(-1, 4))
+        parts.append(np.tile(share, (len(outer), 1)))
+        n += along**2 * len(outer)
+    cell, side, squares, points = (np.concatenate(each) for each in (cells, sides, quads, among))
+    return cell.astype(np.int32), np.concatenate(places), side, squares, points, np.concatenate(parts)

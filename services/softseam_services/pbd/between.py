@@ -102,7 +102,7 @@ class Between:
         """on points, see `Touch.place`, as the committed step left them, and as the tentative one does [N]"""
         self.centre = np.zeros((b, 3))
         self._visits: Mask = np.asarray((pair >= own).any(axis=1))
-        self._make_room(counts, pair)
+        self._make_room(counts, pair, [each for each in faces if isinstance(each, Faces)])
         self._of_guests = slice(int(self.touch.first[own]), int(self.touch.first[b]))
         sides = pair.ravel()
         kept_by = np.where(sides < own, sides, np.where(pair[:, ::-1].ravel() < own, pair[:, ::-1].ravel(), 0))
@@ -132,15 +132,17 @@ class Between:
         own, visits = bodies < self._n_own, self._visits[met]
         return Group(bodies[own], bodies[~own] - self._n_own, met[~visits], met[visits])
 
-    def _make_room(self, counts: Numbers, pair: Ints) -> None:
+    def _make_room(self, counts: Numbers, pair: Ints, faces: list[Faces]) -> None:
         """For patches: of each node of the side that they are around, with the nodes and points that may be near it."""
         ones = n_nodes = n_entries = 0
+        meets = set(pair[self._visits].ravel().tolist())
         for first, second in pair[self._visits].tolist():
             one, guest = (second, first) if first >= self._n_own else (first, second)
             ones += counts[one]
             n_nodes += counts[one] * min(counts[one], 32)
             n_entries += 16 * counts[one] + 3 * counts[guest]
-        self._guests.make_room(len(pair), ones, n_nodes, n_entries)
+        met = [each if number in meets else _NO_FACES for number, each in enumerate(faces)]
+        self._guests.make_room(len(pair), ones, n_nodes, n_entries, met)
 
     @property
     def met(self) -> list[Met]:
@@ -168,17 +170,11 @@ class Between:
 
 
 def _shares(one: Faces | SampledFaces, other: Faces | SampledFaces) -> tuple[float, float]:
-    """How much of its area each presses with: both with half of it, but where a guest is, with which patches are made:
-    there the one whose points are closer does, and of two guests the second."""
+    """How much of its area each presses with: both with half of it, but a guest, with which patches are made, with all,
+    and of two guests the second."""
     if isinstance(one, Faces) and isinstance(other, Faces):
         return 0.5, 0.5
-    if isinstance(one, SampledFaces) and isinstance(other, SampledFaces):
-        return 0.0, 1.0
-    if isinstance(other, SampledFaces):
-        second, first = _shares(other, one)
-        return first, second
-    assert isinstance(one, SampledFaces)
-    return (1.0, 0.0) if one.closeness <= other.spacing else (0.0, 1.0)
+    return (0.0, 1.0) if isinstance(other, SampledFaces) else (1.0, 0.0)
 
 
 def _ends(counts: Iterable[int]) -> Ints:

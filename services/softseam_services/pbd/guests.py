@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from softseam_coupling.interfaces import Faces
 from softseam_protocol.messages.pile import Guest, Push
 from softseam_services.body.body import Floats
 from softseam_services.body.sampled_faces import SampledFaces
@@ -43,8 +44,11 @@ class Guests:
         self._answered: list[csr_array | None] = [None] * g  # weights with which answers were found
         self._answers = [_NONE] * g
 
-    def make_room(self, n_meetings: int, n_patches: int, n_nodes: int, n_entries: int) -> None:
-        """For patches of so many meetings, with so many nodes, and points of guests."""
+    def make_room(self, n_meetings: int, n_patches: int, n_nodes: int, n_entries: int, met: Sequence[Faces]) -> None:
+        """For patches of so many meetings, with so many nodes, and points of guests; met: faces of the pile's bodies,
+        empty of those that meet no guest."""
+        across = [_across(faces) for faces in met]
+        ends = np.cumsum([0, *(each.size for each in across)])
         self.patches = Patches(
             start=np.zeros(n_meetings + 1, dtype=np.int32),
             ints=np.zeros((n_patches, N_INTS), dtype=np.int32),
@@ -55,6 +59,8 @@ class Guests:
             slot=np.zeros((n_entries, 3), dtype=np.int32),
             share=np.zeros(n_entries),
             n_slots=np.zeros(len(self.faces), dtype=np.int32),
+            across=np.concatenate([np.zeros(0, np.int32), *(each.ravel() for each in across)]),
+            first_across=np.where(np.diff(ends) > 0, ends[:-1], -1),
         )
         """of a step, as kernels take them"""
         self._show(np.zeros((0, 3)))
@@ -161,3 +167,18 @@ class Guests:
 def _no_root(faces: SampledFaces) -> Floats:
     """Of a guest that has not said how it answers."""
     return np.zeros((3 * len(faces.nodes), 0))
+
+
+def _across(faces: Faces) -> NDArray[np.int32]:
+    """See `Patches.across`: of one body (p, p)."""
+    found = np.full((len(faces.area), len(faces.area)), -1, dtype=np.int32)
+    third = found.copy()  # of the triangle in which two points follow one another
+    x = faces.places
+    for k in range(3):
+        third[faces.triangles[:, k], faces.triangles[:, (k + 1) % 3]] = faces.triangles[:, (k + 2) % 3]
+    for k in range(3):
+        i, j, away = (faces.triangles[:, (k + m) % 3] for m in range(3))
+        length = [np.linalg.norm(x[a] - x[b], axis=1) for a, b in ((i, j), (j, away), (away, i))]
+        longest = (length[0] > length[1] * (1.0 + 1e-6)) & (length[0] > length[2] * (1.0 + 1e-6))
+        found[i[longest], j[longest]] = third[j[longest], i[longest]]
+    return found

@@ -51,7 +51,8 @@ def build_pile(setups: Sequence[Setup], guests: Sequence[Setup], request: Config
         name: Contact((places[spec.between[0]], places[spec.between[1]]), spec.friction)
         for name, spec in contacts_among(names, scene.interfaces).items()
     }
-    solver = PileSolver(setups, request.states, contacts, [setup.touched for setup in guests])
+    finest = min(0.5 * setup.body.resolution for setup in setups if setup.body.has_cells)
+    solver = PileSolver(setups, request.states, contacts, [setup.touched(finest) for setup in guests])
     n_nodes = sum(piece.model.n_nodes for piece in solver.pieces)
     n_cells = sum(piece.body.n_cells for piece in solver.pieces)
     begun = solver.begun

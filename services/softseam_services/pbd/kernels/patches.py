@@ -53,6 +53,11 @@ class Patches(NamedTuple):
     """and their weights (e,) [1]"""
     n_slots: Ints
     """of each guest (g,)"""
+    across: Ints
+    """of each two points of a body whose faces are squares, row by row, that are ends of a square's diagonal and follow
+    one another around a triangle: the corner on the other side, else -1; body by body"""
+    first_across: np.ndarray[tuple[int], np.dtype[np.int64]]
+    """of each body of the pile, -1 of those that meet no guest (b,)"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -78,7 +83,7 @@ def gather_patches(touch, patches, n_own, target, part):
         yields = touch.yields[one] + touch.yields[guest]
         rub = touch.friction[meeting]
         for r in range(begin, end):
-            _gather(touch, r, one, n_own, target, part, yields, area, normal, of_one, of_guest)
+            _gather(touch, patches, r, one, n_own, target, part, yields, area, normal, of_one, of_guest)
         for i in range(n_one):
             if area[i] == 0.0:
                 continue
@@ -125,36 +130,55 @@ def _enter(patches, entry, guest, point, weight):
 
 
 @njit(cache=True, error_model="numpy")
-def _gather(touch, r, one, n_own, target, part, yields, area, normal, of_one, of_guest):
+def _gather(touch, patches, r, one, n_own, target, part, yields, area, normal, of_one, of_guest):
     """Add a point and its foot to the patches that it belongs to, of whose two bodies `one` has the nodes."""
     ints, row = touch.ints[r], touch.rows[r]
-    own = ints[OWN]
-    a = yields / row[SOFTNESS]
-    sign = 1.0 if own == one else -1.0
-    point = touch.number[ints[POINT]]
+    own, point = ints[OWN], touch.number[ints[POINT]]
+    a, sign = yields / row[SOFTNESS], 1.0 if own == one else -1.0
+    foot, share = np.empty(4, dtype=np.int32), np.zeros(4)
+    for k in range(3):
+        foot[k], share[k] = touch.number[ints[CORNER + k]], row[SHARE + k]
+    foot[3] = foot[0]
+    if own != one and one < n_own:
+        _to_square(patches, one, touch.first[one + 1] - touch.first[one], foot, share)
+    to, of = np.empty(4, dtype=np.int32), np.zeros(4)
+    if own != one:
+        to[:], of[:] = foot, share
+    else:  # two guests
+        q = touch.first[own] - touch.first[n_own] + point
+        to[:], of[:] = target[q], part[q]
     for k in range(4):
-        if own >= n_own and one >= n_own:  # two guests
-            q = touch.first[own] - touch.first[n_own] + point
-            i, t = target[q, k], part[q, k]
-        elif own == one:
-            i, t = point, 1.0 if k == 0 else 0.0
-        else:
-            i = touch.number[ints[CORNER + k]] if k < 3 else 0
-            t = row[SHARE + k] if k < 3 else 0.0
-        if t <= 0.0:
+        if of[k] <= 0.0:
             continue
-        area[i] += a * t
+        i, t = to[k], a * of[k]
+        area[i] += t
         for c in range(3):
-            normal[i, c] += a * t * sign * row[FACING + c]
+            normal[i, c] += t * sign * row[FACING + c]
         if own == one:
-            of_one[i, point] += a * t
+            of_one[i, point] += t
         else:
-            of_guest[i, point] += a * t
-        for m in range(3):
-            if own == one:
-                of_guest[i, touch.number[ints[CORNER + m]]] += a * t * row[SHARE + m]
-            else:
-                of_one[i, touch.number[ints[CORNER + m]]] += a * t * row[SHARE + m]
+            of_guest[i, point] += t
+        for m in range(4):
+            if share[m] != 0.0:
+                if own == one:
+                    of_guest[i, foot[m]] += t * share[m]
+                else:
+                    of_one[i, foot[m]] += t * share[m]
+
+
+@njit(cache=True, error_model="numpy")
+def _to_square(patches, body, n_points, foot, share):
+    """Weights of the corners of a triangle <- those of the square of which it is half, which are bilinear."""
+    if patches.first_across[body] < 0:
+        return
+    for k in range(3):
+        i, j, away = k, (k + 1) % 3, (k + 2) % 3
+        other = patches.across[patches.first_across[body] + foot[i] * n_points + foot[j]]
+        if other >= 0:
+            a, b = share[i], share[j]
+            foot[3] = other
+            share[i], share[j], share[away], share[3] = a * (1.0 - b), b * (1.0 - a), (1.0 - a) * (1.0 - b), a * b
+            return
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
