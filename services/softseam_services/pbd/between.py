@@ -9,18 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.interfaces import Faces
+from softseam_coupling.kernels.nearest_face import N_OF_FACE
 from softseam_protocol.messages.pile import Met
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.contact_faces import faces_of
 from softseam_services.body.errors import SettingError
 from softseam_services.jit import Rows
 
-from .kernels.between import N_INTS, N_MET, N_NUMBERS, Touch, find_groups, find_rows
+from .kernels.between import new_books
+from .kernels.eights import fill_eights, find_groups, lay_rows, new_eights, new_groups
+from .kernels.pairs import EIGHT
+from .kernels.touch import LISTED, N_INTS, N_NUMBERS, Touch, find_rows
 from .pile_pieces import Piece, Pieces
 
 Mask = NDArray[np.bool_]
 Numbers = NDArray[np.int64]
 
+_EIGHTS = 64
+"""that there is room for at first"""
 _NO_NODES = np.zeros(0, dtype=np.int32)
 _NO_FACES = Faces(_NO_NODES, np.zeros((0, 3), dtype=np.int32), np.zeros(0), 0.0, 0.0)
 
@@ -47,11 +53,13 @@ class Between:
                 faces[number] = _faces(name, pieces.each[number])
         counts = np.array([len(each.nodes) for each in faces])
         self._ends = np.cumsum([0, *counts[pair].ravel()])
+        p, f, triangles = int(counts.sum()), int(self._ends[-1]), _ends(len(each.triangles) for each in faces)
+        most = int(counts.max(initial=0))
         self.touch = Touch(
             first=_ends(len(each.nodes) for each in faces),
             node=np.concatenate([each.nodes for each in faces]).astype(np.int32),
             row=pieces.first_row,
-            first_triangle=_ends(len(each.triangles) for each in faces),
+            first_triangle=triangles,
             corners=np.concatenate([each.triangles for each in faces]).astype(np.int32),
             area=np.concatenate([each.area for each in faces]),
             yields=np.array([each.yields for each in faces]),
@@ -59,42 +67,57 @@ class Between:
             pair=pair,
             friction=np.array([each.friction for each in contacts.values()], dtype=np.float64),
             place=self._ends[:-1].reshape(m, 2).astype(np.int32),
-            at=np.zeros((counts.sum(), 3)),
-            to=np.zeros((counts.sum(), 3)),
-            out=np.zeros((counts.sum(), 3)),
+            at=np.zeros((p, 3)),
+            to=np.zeros((p, 3)),
+            out=np.zeros((p, 3)),
+            faces=np.zeros((triangles[-1], N_OF_FACE)),
+            fresh=np.zeros(b, dtype=np.bool_),
+            box=np.zeros((b, 6)),
             way=np.zeros((b, 4)),
+            middle=np.zeros((b, 4)),
+            since=np.full((m, 4), np.nan),
+            n_near=np.zeros((m, 2), dtype=np.int32),
+            near=np.zeros(f, dtype=np.int32),
+            counts=np.zeros(f, dtype=np.int32),
+            listed=np.zeros((f, LISTED), dtype=np.int32),
+            last=np.zeros(f, dtype=np.int32),
+            share=np.zeros((most, 3)),
+            beside=np.zeros(most),
+            moved=np.zeros((most, 3)),
             start=np.zeros(m + 1, dtype=np.int32),
-            ints=np.zeros((self._ends[-1], N_INTS), dtype=np.int32),
-            rows=np.zeros((self._ends[-1], N_NUMBERS)),
-            work=np.zeros(b),
-            turned=np.zeros((b, 3)),
-            met=np.zeros((m, N_MET)),
+            ints=np.zeros((f, N_INTS), dtype=np.int32),
+            rows=np.zeros((f, N_NUMBERS)),
+            forces=np.zeros((2, f, 3)),
+            carries=np.zeros((2, m), dtype=np.bool_),
         )
-        self.forces: tuple[Floats, Floats] = np.zeros((self._ends[-1], 3)), np.zeros((self._ends[-1], 3))
-        """on points, see `Touch.place`, as the committed step left them, and as the tentative one does [N]"""
-        self.centre = np.zeros((b, 3))
+        self.groups, self.books = new_groups(b, m), new_books(b, m)
+        self.n_groups = 0
+        self._xw = pieces.xw
+        self.eights = new_eights(_EIGHTS, len(self._xw))
+        self.any = m > 0
         self._own = [np.flatnonzero(pair.ravel() == number) for number in range(b)]
 
-    def find(self, members: Rows, asleep: Mask, now: int, dt: float) -> list[tuple[Numbers, Numbers]]:
-        """What touches in a step of dt [s]: of each group of bodies their numbers, and those of contacts between them.
+    def find(self, members: Rows, asleep: Mask, now: int, dt: float) -> None:
+        """What touches in a step of dt [s]: of the first `n_groups` of `groups` the rows in `eights`.
 
-        now  which of `forces` the step begins with
+        now  which of the forces between bodies the step begins with
         """
-        touch, b = self.touch, len(asleep)
-        if not len(touch.pair):
-            return []
-        find_rows(members, touch, asleep, self.forces[now], self.forces[1 - now], dt)
-        order, start = np.zeros(b, dtype=np.int64), np.zeros(b + 1, dtype=np.int64)
-        n = find_groups(touch, order, start)
-        met = np.flatnonzero(np.diff(touch.start))
-        groups = [order[start[group] : start[group + 1]] for group in range(n)]
-        return [(bodies, met[np.isin(touch.pair[met, 0], bodies)]) for bodies in groups]
+        touch = self.touch
+        n_rows, others = find_rows(members, touch, asleep, now, dt)
+        if others:
+            self.n_groups, self._n_eights = find_groups(touch, self.groups), -1
+            while self._n_eights < 0:
+                self._n_eights = lay_rows(touch, self.groups, self.n_groups, self.eights, len(self._xw) - EIGHT)
+                if self._n_eights < 0:
+                    self.eights = new_eights(2 * len(self.eights.laid), len(self._xw))
+        if n_rows:
+            fill_eights(touch, self.eights, self._n_eights)
 
     @property
     def met(self) -> list[Met]:
         """What the contacts did in the last step."""
         counts = np.diff(self.touch.start)
-        figures = np.where(counts[:, None] > 0, self.touch.met, 0.0).tolist()
+        figures = np.where(counts[:, None] > 0, self.books.met, 0.0).tolist()
         return [Met(count, *each) for count, each in zip(counts.tolist(), figures, strict=True)]
 
     def size_of(self, number: int) -> int:
@@ -103,16 +126,18 @@ class Between:
 
     def of_body(self, number: int, now: int) -> Floats:
         """Forces on the points of a body, contact by contact, for its snapshot."""
-        parts = [self.forces[now][self._ends[k] : self._ends[k + 1]].ravel() for k in self._own[number]]
+        forces = self.touch.forces[now]
+        parts = [forces[self._ends[k] : self._ends[k + 1]].ravel() for k in self._own[number]]
         return np.concatenate([np.zeros(0), *parts])
 
     def load(self, number: int, now: int, forces: Floats) -> None:
         """Continue from `of_body`, or with no forces."""
         at = 0
         for k in self._own[number]:
-            own = self.forces[now][self._ends[k] : self._ends[k + 1]]
+            own = self.touch.forces[now, self._ends[k] : self._ends[k + 1]]
             own[:] = forces[at : at + own.size].reshape(own.shape) if len(forces) else 0.0
             at += own.size
+            self.touch.carries[now, k // 2] = True
 
 
 def _ends(counts: Iterable[int]) -> Ints:

@@ -37,7 +37,7 @@ from .kernels import pile as of_pile
 from .kernels import summary as k
 from .kernels import trust
 from .kernels.block import new_workspace
-from .kernels.group import advance_group
+from .kernels.group import advance_touching
 from .kernels.thread_team import new_team
 from .pile_pieces import Piece, Pieces
 from .records import PbdState, decode_state, encode_state, new_inputs
@@ -122,13 +122,13 @@ class PileSolver:
         place_tools(self._inputs, request.tools)
         kernels, apart = awake[~self._apart[awake]], awake[self._apart[awake]]
         rows, between, working = self._rows[self._now], self._between, (self._team, self._ws, self._notes)
-        groups = between.find(rows, asleep, self._now, request.dt)
-        alone = np.setdiff1d(kernels, np.concatenate([bodies for bodies, _ in groups])) if groups else kernels
-        of_pile.advance_bodies(rows, alone, self._inputs, request.dt, *working)
-        for bodies, met in groups:
-            advance_group(
-                *(rows, bodies, met, between.touch, between.forces[self._now], between.forces[1 - self._now]),
-                *(self._all.xw, between.centre, self._inputs, request.dt, *working),
+        if between.any:
+            between.find(rows, asleep, self._now, request.dt)
+        of_pile.advance_bodies(rows, kernels[~between.groups.tied[kernels]], self._inputs, request.dt, *working)
+        if between.n_groups:
+            advance_touching(
+                *(rows, between.n_groups, between.groups, between.touch, between.eights, self._now, between.books),
+                *(self._all.xw, self._inputs, request.dt, *working),
             )
         dissipated = np.zeros(len(self.pieces))
         notes = {int(number): self._step_apart(int(number), request, dissipated) for number in apart}

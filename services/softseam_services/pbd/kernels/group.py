@@ -9,7 +9,7 @@ import numpy as np
 
 from softseam_services.jit import njit
 
-from .between import account_rows, begin_rows, keep_rows, open_rows, project_rows, pull_rows, stand
+from .between import account_rows, begin_rows, end_rows, look_at_rows, project_rows, pull_rows
 from .contact import account_pairs, project_contacts
 from .damping import damping_share
 from .hold import soften_held_blocks
@@ -49,13 +49,13 @@ def _find_centre(member, xw, first, centre):
 
 
 @njit(cache=True, error_model="numpy")
-def _substep(members, bodies, meetings, touch, xw, centre, inputs, dt, n_substeps, n_sweeps, substep, team, ws):
+def _substep(members, group, touch, eights, books, xw, inputs, dt, n_substeps, n_sweeps, substep, team, ws):
     """A substep of bodies that meet."""
+    bodies, meetings, first, end = group
     h = dt / n_substeps
-    open_rows(touch, meetings, xw)
     for body in bodies:
         one = members[body]
-        _find_centre(one, xw, touch.row[body], centre[body])
+        _find_centre(one, xw, touch.row[body], books.centre[body])
         open_substep(one.model, one.parameters, one.after, inputs, one.scratch, dt, h, substep, n_substeps)
         share = _share(one, h, n_sweeps)
         predict_all(one.model, one.parameters, one.after, one.scratch, h, share, team, 0, 0, 0, ws)
@@ -66,7 +66,7 @@ def _substep(members, bodies, meetings, touch, xw, centre, inputs, dt, n_substep
                 *(one.model, one.parameters, one.after.stress, one.scratch, round_, _share(one, h, n_sweeps), h),
                 *(one.all, 0, team, 0, 0, ws),
             )
-        project_rows(touch, meetings, xw, h * h)
+        project_rows(eights, first, end, books, xw, h * h)
         for body in bodies:
             one = members[body]
             project_contacts(one.model, one.parameters, one.scratch.contacts, one.scratch.xw, h * h, True)
@@ -79,11 +79,14 @@ def _substep(members, bodies, meetings, touch, xw, centre, inputs, dt, n_substep
             end_together(one.model, one.after.stress, one.scratch, share, 0, team, 0, 0)
         finish_all(one.after, one.scratch, h, team, 0, 0, 0)
         account_pairs(one.model, one.parameters, one.scratch.contacts, one.scratch.xw, 1.0 / n_substeps)
+    look_at_rows(eights, first, end, books, xw)
+    account_rows(touch, meetings, books, h)
 
 
 @njit(cache=True, error_model="numpy")
-def _attempt(members, bodies, meetings, touch, held, xw, centre, inputs, number, dt, team, ws, notes):
+def _attempt(members, group, touch, eights, now, books, xw, inputs, number, dt, team, ws, notes):
     """One attempt at a step of bodies that touch."""
+    bodies, meetings, first, end = group
     n_substeps, n_sweeps = 1, 0
     for body in bodies:
         begin_attempt(members[body], inputs, number, dt)
@@ -92,47 +95,47 @@ def _attempt(members, bodies, meetings, touch, held, xw, centre, inputs, number,
     h = dt / n_substeps
     for body in bodies:
         one = members[body]
-        touch.work[body] = 0.0
-        for c in range(3):
-            touch.turned[body, c] = 0.0
         open_step(one.model, one.parameters, one.after, inputs, one.scratch, dt, h)
         pull_blocks(one.model, one.parameters, one.after, one.scratch, one.all, team, 0, 0, 0, ws)
-    begin_rows(touch, meetings, held, number >= COLD)
-    pull_rows(members, touch, meetings)
-    for meeting in meetings:
-        touch.met[meeting, :] = 0.0
+    begin_rows(touch, eights, first, end, now, number >= COLD, h * h)
+    if number < COLD:
+        pull_rows(members, touch, meetings, now)
     for body in bodies:
         one = members[body]
         carried(one.model, one.parameters, one.after, one.scratch.xw, one.scratch.pull)
+    look_at_rows(eights, first, end, books, xw)
+    _clear(books, bodies, meetings)
     for substep in range(n_substeps):
-        _substep(*(members, bodies, meetings, touch, xw, centre, inputs, dt, n_substeps, n_sweeps, substep, team, ws))
-        for meeting in meetings:
-            account_rows(touch, meeting, xw, centre, h)
+        _substep(members, group, touch, eights, books, xw, inputs, dt, n_substeps, n_sweeps, substep, team, ws)
     for body in bodies:
         one = members[body]
         share = _share(one, h, n_sweeps)
         look_at_blocks(one.model, one.parameters, one.after, one.scratch, share, team, 0, 0, 0, ws)
         close_step(one.model, one.parameters, one.after, inputs, one.scratch, one.outputs, n_substeps, 0.0)
-        one.outputs.result[SEAM_WORK] = touch.work[body]
-        end_attempt(one, number, dt, n_substeps, n_sweeps, touch.turned[body], notes[body])
+        one.outputs.result[SEAM_WORK] = books.work[body]
+        end_attempt(one, number, dt, n_substeps, n_sweeps, books.turned[body], notes[body])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def advance_group(members, bodies, meetings, touch, held, kept, xw, centre, inputs, dt, team, ws, notes):
-    """A step of dt [s] of bodies that touch, from their `before` into their `after`, tried until all are believed.
+@njit(cache=True, error_model="numpy")
+def _clear(books, bodies, meetings):
+    """No substep is over yet."""
+    for body in bodies:
+        books.work[body] = 0.0
+        books.turned[body, :] = 0.0
+    for meeting in meetings:
+        books.met[meeting, :] = 0.0
+        books.sums[2 * meeting : 2 * meeting + 2, :] = 0.0
 
-    bodies      their numbers, ascending (k,)
-    meetings    between them, ascending (m,)
-    held, kept  forces on points between bodies as the step begins, and as it ends (f, 3) [N]
-    xw          positions and inverse masses of all bodies of the pile
-    centre      scratch (b, 3)
-    notes       of each body (b, N_NOTES), overwritten for these
-    """
+
+@njit(cache=True, error_model="numpy")
+def _advance(members, group, touch, eights, now, books, xw, inputs, dt, team, ws, notes):
+    """A step of bodies that touch, tried until all are believed."""
+    bodies, meetings, first, end = group
     for body in bodies:
         notes[body, :] = 0
     causes = np.full(len(bodies), NONE)
     for number in range(RETRIES + 1):
-        _attempt(members, bodies, meetings, touch, held, xw, centre, inputs, number, dt, team, ws, notes)
+        _attempt(members, group, touch, eights, now, books, xw, inputs, number, dt, team, ws, notes)
         again = False
         for i in range(len(bodies)):
             body = bodies[i]
@@ -146,9 +149,20 @@ def advance_group(members, bodies, meetings, touch, held, kept, xw, centre, inpu
     for body in bodies:
         keep_figures(members[body], notes[body])
         lost = lost or notes[body, FAULT] == DIVERGED
-    for meeting in meetings:
-        if lost:  # what diverged stays where it was, and numbers that are none are not carried on
-            stand(touch, meeting, held, kept, 1.0)
-            touch.met[meeting, :] = 0.0
-        else:
-            keep_rows(touch, meeting, kept)
+    end_rows(touch, eights, first, end, meetings, books, now, lost)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def advance_touching(members, n_groups, groups, touch, eights, now, books, xw, inputs, dt, team, ws, notes):
+    """A step of dt [s] of the bodies of all groups, from their `before` into their `after`, group after group.
+
+    groups, eights  so many groups, of the rows in `touch`
+    now             which of the forces between bodies the step begins with; the others are what it ends with
+    xw              positions and inverse masses of all bodies of the pile
+    notes           of each body (b, N_NOTES), overwritten for these
+    """
+    for at in range(n_groups):
+        bodies = groups.bodies[groups.first_body[at] : groups.first_body[at + 1]]
+        meetings = groups.meetings[groups.first_meeting[at] : groups.first_meeting[at + 1]]
+        group = bodies, meetings, groups.first_eight[at], groups.first_eight[at + 1]
+        _advance(members, group, touch, eights, now, books, xw, inputs, dt, team, ws, notes)
