@@ -104,6 +104,28 @@ def nearest_faces(points, out, x, triangles, reach, face, share, beside, normal)
                 normal[i, k] = faces[last[i], UNIT + k]
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _faces(ox, oy, oz, faces, t):
+    """Whether a triangle looks towards a point with this normal."""
+    return faces[t, UNIT] * ox + faces[t, UNIT + 1] * oy + faces[t, UNIT + 2] * oz <= -_FACING
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _away(px, py, pz, x, triangles, faces, t):
+    """Of the place of a triangle that is nearest to p: weights of its corners, the distance's square [m^2], and how far
+    p is across the triangle [m]."""
+    a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+    ax, ay, az, bx, by, bz = x[a, 0], x[a, 1], x[a, 2], x[b, 0], x[b, 1], x[b, 2]
+    cx, cy, cz = x[c, 0], x[c, 1], x[c, 2]
+    second, third = _nearest_in(px, py, pz, ax, ay, az, bx, by, bz, cx, cy, cz)
+    first = 1.0 - second - third
+    dx = px - (first * ax + second * bx + third * cx)
+    dy = py - (first * ay + second * by + third * cy)
+    dz = pz - (first * az + second * bz + third * cz)
+    across = dx * faces[t, UNIT] + dy * faces[t, UNIT + 1] + dz * faces[t, UNIT + 2]
+    return first, second, third, dx * dx + dy * dy + dz * dz, across
+
+
 @njit(cache=True, error_model="numpy")
 def nearest_listed(points, out, near, counts, listed, last, x, triangles, faces, reach, share, beside):
     """As `nearest_faces`, of the points near (n,) among (p, 3), where only some triangles come into question: for each
@@ -120,30 +142,21 @@ def nearest_listed(points, out, near, counts, listed, last, x, triangles, faces,
         n = len(triangles) if every else counts[i]
         best, most, found = reach * reach, -1.0, -1
         bound = reach * (1.0 + _BEYOND)
-        for k in range(-1, n):
-            t = last[i] if k < 0 else k if every else listed[i, k]
-            if t < 0:
-                continue
-            nx, ny, nz = faces[t, UNIT], faces[t, UNIT + 1], faces[t, UNIT + 2]
-            if not nx * ox + ny * oy + nz * oz <= -_FACING:
+        lately, latest = last[i], (0.0, 0.0, 0.0, 0.0, 0.0)
+        if lately >= 0:
+            latest = _away(px, py, pz, x, triangles, faces, lately)
+            if latest[3] < best and _faces(ox, oy, oz, faces, lately):  # a bound, whatever its number
+                bound = np.sqrt(latest[3]) * (1.0 + _BEYOND)
+        for k in range(n):
+            t = k if every else listed[i, k]
+            if not _faces(ox, oy, oz, faces, t):
                 continue
             dx, dy, dz = px - faces[t, MIDDLE], py - faces[t, MIDDLE + 1], pz - faces[t, MIDDLE + 2]
             beyond = faces[t, RADIUS] + bound
             if not dx * dx + dy * dy + dz * dz <= beyond * beyond:
                 continue
-            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            ax, ay, az, bx, by, bz = x[a, 0], x[a, 1], x[a, 2], x[b, 0], x[b, 1], x[b, 2]
-            cx, cy, cz = x[c, 0], x[c, 1], x[c, 2]
-            u, v = _nearest_in(px, py, pz, ax, ay, az, bx, by, bz, cx, cy, cz)
-            w = 1.0 - u - v
-            dx = px - (w * ax + u * bx + v * cx)
-            dy = py - (w * ay + u * by + v * cy)
-            dz = pz - (w * az + u * bz + v * cz)
-            square, across = dx * dx + dy * dy + dz * dz, dx * nx + dy * ny + dz * nz
+            u, v, w, square, across = latest if t == lately else _away(px, py, pz, x, triangles, faces, t)
             if not square <= best * (1.0 + _LEVEL):
-                continue
-            if k < 0:  # a bound, whatever its number
-                bound = min(bound, np.sqrt(square) * (1.0 + _BEYOND))
                 continue
             if square >= best * (1.0 - _LEVEL) and found >= 0 and abs(across) <= most * (1.0 + _LEVEL):
                 continue
@@ -151,5 +164,5 @@ def nearest_listed(points, out, near, counts, listed, last, x, triangles, faces,
             if square < best:
                 bound = min(bound, np.sqrt(square) * (1.0 + _BEYOND))
             best, most, found = min(best, square), abs(across), t
-            share[i, 0], share[i, 1], share[i, 2] = w, u, v
+            share[i, 0], share[i, 1], share[i, 2] = u, v, w
         last[i] = found

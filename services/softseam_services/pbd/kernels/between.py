@@ -22,7 +22,17 @@ from softseam_services.body.body import Floats
 from softseam_services.jit import njit, record
 
 from . import eights as col
-from .lanes import LANES, aligned, batch_kernel, lane_kernel, move_four, transpose_four
+from .lanes import (
+    LANES,
+    add_eight,
+    aligned,
+    batch_kernel,
+    gather_eight,
+    lane_kernel,
+    move_eight,
+    scatter_eight,
+    transpose_four,
+)
 from .pairs import EIGHT
 from .touch import CORNER, GIVES, PLACE, POINT, SIDE, stand
 
@@ -34,7 +44,8 @@ N_SUMS = EIGHT
 """of the rows of a body's points in a meeting: f (3) [N], x_p x f (3) [N m], work on that body [J], and on both [J]"""
 _TURNED = _SUMS + N_SUMS
 """where those of one row lie side by side"""
-N_WORKSPACE = (_TURNED + N_SUMS) * EIGHT
+_FELT = _TURNED + N_SUMS
+N_WORKSPACE = (_FELT + 1) * EIGHT
 
 DEPTH, LARGEST, WORK = 0, 1, 2
 N_MET = 3
@@ -58,43 +69,53 @@ class Books(NamedTuple):
     """of each body, as the substep began (b, 3) [m]"""
     ws: Floats
     """scratch (N_WORKSPACE,)"""
+    lanes: int
+    """EIGHT, which the compiler does not know here: it would write loops over so few lanes out, number by number"""
 
 
 def new_books(b: int, m: int) -> Books:
     """Of b bodies in m meetings."""
     met, sums = np.zeros((m, N_MET)), np.zeros((2 * m, N_SUMS))
-    return Books(np.zeros(b), np.zeros((b, 3)), met, sums, np.zeros((b, 3)), aligned(N_WORKSPACE))
+    return Books(np.zeros(b), np.zeros((b, 3)), met, sums, np.zeros((b, 3)), aligned(N_WORKSPACE), EIGHT)
 
 
 @lane_kernel
 def _gather(ws, xw, laid, eight):
     """Positions and inverse masses of the points and corners of an eight."""
     for k in range(4):
-        for half in range(0, EIGHT, LANES):
-            at, of = 4 * EIGHT * k + half, col.NODE + EIGHT * k + half
-            transpose_four(
-                *(ws, at, at + EIGHT, at + 2 * EIGHT, at + 3 * EIGHT, xw),
-                *(4 * laid[eight, of], 4 * laid[eight, of + 1], 4 * laid[eight, of + 2], 4 * laid[eight, of + 3]),
-            )
+        of = col.NODE + EIGHT * k
+        gather_eight(
+            *(ws, 4 * EIGHT * k, xw),
+            *(4 * laid[eight, of], 4 * laid[eight, of + 1], 4 * laid[eight, of + 2], 4 * laid[eight, of + 3]),
+            *(4 * laid[eight, of + 4], 4 * laid[eight, of + 5], 4 * laid[eight, of + 6], 4 * laid[eight, of + 7]),
+        )
 
 
 @lane_kernel
 def _scatter(ws, xw, laid, eight):
     """The way back of `_gather`."""
     for k in range(4):
-        for half in range(0, EIGHT, LANES):
-            at, of = 4 * EIGHT * k + half, col.NODE + EIGHT * k + half
-            transpose_four(
-                *(xw, 4 * laid[eight, of], 4 * laid[eight, of + 1], 4 * laid[eight, of + 2], 4 * laid[eight, of + 3]),
-                *(ws, at, at + EIGHT, at + 2 * EIGHT, at + 3 * EIGHT),
-            )
+        of = col.NODE + EIGHT * k
+        scatter_eight(
+            xw,
+            *(4 * laid[eight, of], 4 * laid[eight, of + 1], 4 * laid[eight, of + 2], 4 * laid[eight, of + 3]),
+            *(4 * laid[eight, of + 4], 4 * laid[eight, of + 5], 4 * laid[eight, of + 6], 4 * laid[eight, of + 7]),
+            *(ws, 4 * EIGHT * k),
+        )
 
 
 @lane_kernel
 def _load(ws, to, numbers, eight, count):
     """Numbers of an eight, so many for each row, into the workspace."""
-    for four in range(0, EIGHT * count, LANES):
-        move_four(ws, EIGHT * to + four, numbers, EIGHT * count * eight + four)
+    for row in range(count):
+        move_eight(ws, EIGHT * (to + row), numbers, EIGHT * (count * eight + row))
+
+
+@lane_kernel
+def _store(ws, of, numbers, eight, count, first, end):
+    """Those from first to end - 1 the way back."""
+    for row in range(first, end):
+        move_eight(numbers, EIGHT * (count * eight + row), ws, EIGHT * (of + row))
 
 
 @lane_kernel
@@ -146,38 +167,45 @@ def _solve(ws, lane, hh):
     ws[lane + EIGHT * 14] -= step * gz
 
 
+@lane_kernel
+def _feel(ws, lane):
+    """FELT of a row: positive where it is pressed, or was."""
+    row = lane + EIGHT * _SOLVED
+    gap = _away(ws, lane, 0) * ws[row + EIGHT * col.OF_NORMAL]
+    gap += _away(ws, lane, 1) * ws[row + EIGHT * (col.OF_NORMAL + 1)]
+    gap += _away(ws, lane, 2) * ws[row + EIGHT * (col.OF_NORMAL + 2)]
+    fx, fy, fz = ws[row + EIGHT * col.FORCE], ws[row + EIGHT * (col.FORCE + 1)], ws[row + EIGHT * (col.FORCE + 2)]
+    ws[lane + EIGHT * _FELT] = max(0.0, -gap) + abs(fx) + abs(fy) + abs(fz)
+
+
 @batch_kernel
-def _is_open(ws):
+def _is_open(ws, lanes):
     """Whether no row of an eight is pressed, or was."""
+    for lane in range(lanes):
+        _feel(ws, lane)
     felt = 0.0
     for lane in range(EIGHT):
-        row = lane + EIGHT * _SOLVED
-        gap = _away(ws, lane, 0) * ws[row + EIGHT * col.OF_NORMAL]
-        gap += _away(ws, lane, 1) * ws[row + EIGHT * (col.OF_NORMAL + 1)]
-        gap += _away(ws, lane, 2) * ws[row + EIGHT * (col.OF_NORMAL + 2)]
-        fx, fy, fz = ws[row + EIGHT * col.FORCE], ws[row + EIGHT * (col.FORCE + 1)], ws[row + EIGHT * (col.FORCE + 2)]
-        felt = max(felt, -gap, abs(fx), abs(fy), abs(fz))
+        felt += ws[lane + EIGHT * _FELT]
     return felt == 0.0
 
 
 @batch_kernel
-def _solve_eight(ws, hh):
-    for lane in range(EIGHT):
+def _solve_eight(ws, lanes, hh):
+    for lane in range(lanes):
         _solve(ws, lane, hh)
 
 
 @batch_kernel
 def project_rows(eights, first, end, books, xw, hh):
     """Solve (1) for the eights first .. end - 1, one after the other; hh is the substep squared [s^2]. xw is moved."""
-    laid, solved, ws = eights.laid, eights.solved, books.ws
+    laid, solved, ws, lanes = eights.laid, eights.solved, books.ws, books.lanes
     for eight in range(first, end):
         _gather(ws, xw, laid, eight)
         _load(ws, _SOLVED, solved, eight, col.N_SOLVED)
-        if _is_open(ws):
+        if _is_open(ws, lanes):
             continue
-        _solve_eight(ws, hh)
-        for four in range(EIGHT * col.FORCE, EIGHT * col.N_SOLVED, LANES):
-            move_four(solved, EIGHT * col.N_SOLVED * eight + four, ws, EIGHT * _SOLVED + four)
+        _solve_eight(ws, lanes, hh)
+        _store(ws, _SOLVED, solved, eight, col.N_SOLVED, col.FORCE, col.N_SOLVED)
         _scatter(ws, xw, laid, eight)
 
 
@@ -203,8 +231,8 @@ def _look(ws, lane):
 
 
 @batch_kernel
-def _look_at_eight(ws):
-    for lane in range(EIGHT):
+def _look_at_eight(ws, lanes):
+    for lane in range(lanes):
         _look(ws, lane)
     for half in range(0, EIGHT, LANES):
         for four in range(0, N_SUMS, LANES):
@@ -218,20 +246,17 @@ def _look_at_eight(ws):
 @batch_kernel
 def look_at_rows(eights, first, end, books, xw):
     """A substep is over at xw, or the first one begins: what the eights first .. end - 1 did is added to the sums."""
-    laid, solved, since, ws, sums = eights.laid, eights.solved, eights.since, books.ws, books.sums
+    laid, solved, since = eights.laid, eights.solved, eights.since
+    ws, lanes, sums = books.ws, books.lanes, books.sums
     for eight in range(first, end):
         _gather(ws, xw, laid, eight)
         _load(ws, _SOLVED, solved, eight, col.N_SOLVED)
         _load(ws, _SINCE, since, eight, col.N_SINCE)
-        _look_at_eight(ws)
-        for four in range(EIGHT * col.REST, EIGHT * col.FORCE, LANES):
-            move_four(solved, EIGHT * col.N_SOLVED * eight + four, ws, EIGHT * _SOLVED + four)
-        for four in range(0, EIGHT * col.N_SINCE, LANES):
-            move_four(since, EIGHT * col.N_SINCE * eight + four, ws, EIGHT * _SINCE + four)
+        _look_at_eight(ws, lanes)
+        _store(ws, _SOLVED, solved, eight, col.N_SOLVED, col.REST, col.FORCE)
+        _store(ws, _SINCE, since, eight, col.N_SINCE, 0, col.N_SINCE)
         for lane in range(EIGHT):
-            side, of = laid[eight, col.OF_SIDE + lane], EIGHT * _TURNED + N_SUMS * lane
-            for k in range(N_SUMS):
-                sums[side, k] += ws[of + k]
+            add_eight(sums, N_SUMS * laid[eight, col.OF_SIDE + lane], ws, EIGHT * _TURNED + N_SUMS * lane)
 
 
 @njit(cache=True, error_model="numpy")

@@ -30,12 +30,6 @@ from .trust import COLD, DIVERGED, NONE, RETRIES
 
 
 @njit(cache=True, error_model="numpy")
-def _share(member, h, n_sweeps):
-    """`damping_share` of a body."""
-    return damping_share(member.parameters.stiffness_time, member.parameters.lag, h, n_sweeps)
-
-
-@njit(cache=True, error_model="numpy")
 def _find_centre(member, xw, first, centre):
     """centre (3,) <- of the body whose nodes are rows of xw from `first` on [m]."""
     mass, total = member.parameters.mass, 0.0
@@ -49,38 +43,58 @@ def _find_centre(member, xw, first, centre):
 
 
 @njit(cache=True, error_model="numpy")
-def _substep(members, group, touch, eights, books, xw, inputs, dt, n_substeps, n_sweeps, substep, team, ws):
-    """A substep of bodies that meet."""
+def _open(one, body, touch, books, xw, inputs, dt, n_substeps, n_sweeps, substep, team, ws):
+    """A substep of a body begins, until rows are to be solved."""
+    h = dt / n_substeps
+    share = damping_share(one.parameters.stiffness_time, one.parameters.lag, h, n_sweeps)
+    _find_centre(one, xw, touch.row[body], books.centre[body])
+    open_substep(one.model, one.parameters, one.after, inputs, one.scratch, dt, h, substep, n_substeps)
+    predict_all(one.model, one.parameters, one.after, one.scratch, h, share, team, 0, 0, 0, ws)
+    _sweep(one, 0, share, h, team, ws)
+
+
+@njit(cache=True, error_model="numpy")
+def _sweep(one, round_, share, h, team, ws):
+    model, parameters, stress, scratch = one.model, one.parameters, one.after.stress, one.scratch
+    sweep_round(model, parameters, stress, scratch, round_, share, h, one.all, 0, team, 0, 0, ws)
+
+
+@njit(cache=True, error_model="numpy")
+def _close(one, share, h, n_substeps, team):
+    """A substep of a body is over."""
+    if share > 0.0:
+        end_together(one.model, one.after.stress, one.scratch, share, 0, team, 0, 0)
+    finish_all(one.after, one.scratch, h, team, 0, 0, 0)
+    account_pairs(one.model, one.parameters, one.scratch.contacts, one.scratch.xw, 1.0 / n_substeps)
+
+
+@njit(cache=True, error_model="numpy")
+def _substeps(members, group, touch, eights, books, xw, inputs, dt, n_substeps, n_sweeps, team, ws):
+    """All substeps of bodies that meet. What is a body's own between two solves of the rows comes at one go, while its
+    numbers are in the cache: those of many bodies are not."""
     bodies, meetings, first, end = group
     h = dt / n_substeps
     for body in bodies:
-        one = members[body]
-        _find_centre(one, xw, touch.row[body], books.centre[body])
-        open_substep(one.model, one.parameters, one.after, inputs, one.scratch, dt, h, substep, n_substeps)
-        share = _share(one, h, n_sweeps)
-        predict_all(one.model, one.parameters, one.after, one.scratch, h, share, team, 0, 0, 0, ws)
-    for round_ in range(n_sweeps + 1):
+        _open(members[body], body, touch, books, xw, inputs, dt, n_substeps, n_sweeps, 0, team, ws)
+    for substep in range(n_substeps):
+        for round_ in range(n_sweeps + 1):
+            project_rows(eights, first, end, books, xw, h * h)
+            for body in bodies:
+                one = members[body]
+                contacts = one.scratch.contacts
+                project_contacts(one.model, one.parameters, contacts, one.scratch.xw, h * h, True)
+                if round_ < n_sweeps:
+                    share = damping_share(one.parameters.stiffness_time, one.parameters.lag, h, n_sweeps)
+                    soften_held_blocks(one.model, one.parameters, contacts, one.scratch.softness)
+                    _sweep(one, round_ + 1, share, h, team, ws)
+        look_at_rows(eights, first, end, books, xw)
+        account_rows(touch, meetings, books, h)
         for body in bodies:
             one = members[body]
-            sweep_round(
-                *(one.model, one.parameters, one.after.stress, one.scratch, round_, _share(one, h, n_sweeps), h),
-                *(one.all, 0, team, 0, 0, ws),
-            )
-        project_rows(eights, first, end, books, xw, h * h)
-        for body in bodies:
-            one = members[body]
-            project_contacts(one.model, one.parameters, one.scratch.contacts, one.scratch.xw, h * h, True)
-            if round_ < n_sweeps:
-                soften_held_blocks(one.model, one.parameters, one.scratch.contacts, one.scratch.softness)
-    for body in bodies:
-        one = members[body]
-        share = _share(one, h, n_sweeps)
-        if share > 0.0:
-            end_together(one.model, one.after.stress, one.scratch, share, 0, team, 0, 0)
-        finish_all(one.after, one.scratch, h, team, 0, 0, 0)
-        account_pairs(one.model, one.parameters, one.scratch.contacts, one.scratch.xw, 1.0 / n_substeps)
-    look_at_rows(eights, first, end, books, xw)
-    account_rows(touch, meetings, books, h)
+            share = damping_share(one.parameters.stiffness_time, one.parameters.lag, h, n_sweeps)
+            _close(one, share, h, n_substeps, team)
+            if substep + 1 < n_substeps:
+                _open(one, body, touch, books, xw, inputs, dt, n_substeps, n_sweeps, substep + 1, team, ws)
 
 
 @njit(cache=True, error_model="numpy")
@@ -105,11 +119,10 @@ def _attempt(members, group, touch, eights, now, books, xw, inputs, number, dt, 
         carried(one.model, one.parameters, one.after, one.scratch.xw, one.scratch.pull)
     look_at_rows(eights, first, end, books, xw)
     _clear(books, bodies, meetings)
-    for substep in range(n_substeps):
-        _substep(members, group, touch, eights, books, xw, inputs, dt, n_substeps, n_sweeps, substep, team, ws)
+    _substeps(members, group, touch, eights, books, xw, inputs, dt, n_substeps, n_sweeps, team, ws)
     for body in bodies:
         one = members[body]
-        share = _share(one, h, n_sweeps)
+        share = damping_share(one.parameters.stiffness_time, one.parameters.lag, h, n_sweeps)
         look_at_blocks(one.model, one.parameters, one.after, one.scratch, share, team, 0, 0, 0, ws)
         close_step(one.model, one.parameters, one.after, inputs, one.scratch, one.outputs, n_substeps, 0.0)
         one.outputs.result[SEAM_WORK] = books.work[body]

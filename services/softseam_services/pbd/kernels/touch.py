@@ -156,7 +156,11 @@ def stand(touch, meeting, now, share):
         return
     for side in range(2):
         begin, own = touch.place[meeting, side], touch.pair[meeting, side]
-        for i in range(begin, begin + touch.first[own + 1] - touch.first[own]):
+        end = begin + touch.first[own + 1] - touch.first[own]
+        if share == 0.0:
+            kept[begin:end] = 0.0
+            continue
+        for i in range(begin, end):
             for c in range(3):
                 kept[i, c] = share * held[i, c]
     touch.carries[1 - now, meeting] = share > 0.0 and touch.carries[now, meeting]
