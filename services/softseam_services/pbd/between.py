@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from softseam_coupling.interfaces import Faces
 from softseam_coupling.kernels.nearest_face import N_OF_FACE
-from softseam_protocol.messages.pile import Met
+from softseam_protocol.messages.pile import Meetings
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.contact_faces import faces_of
 from softseam_services.body.errors import SettingError
 from softseam_services.jit import Rows
 
-from .kernels.between import new_books
+from .kernels.between import DEPTH, LARGEST, WORK, new_books
 from .kernels.eights import fill_eights, find_groups, lay_rows, new_eights, new_groups
 from .kernels.pairs import EIGHT
 from .kernels.touch import LISTED, N_INTS, N_NUMBERS, Touch, find_rows
@@ -114,11 +114,11 @@ class Between:
             fill_eights(touch, self.eights, self._n_eights)
 
     @property
-    def met(self) -> list[Met]:
+    def met(self) -> Meetings:
         """What the contacts did in the last step."""
         counts = np.diff(self.touch.start)
-        figures = np.where(counts[:, None] > 0, self.books.met, 0.0).tolist()
-        return [Met(count, *each) for count, each in zip(counts.tolist(), figures, strict=True)]
+        figures = np.where(counts > 0, self.books.met.T, 0.0)
+        return Meetings(counts, figures[DEPTH], figures[LARGEST], figures[WORK])
 
     def size_of(self, number: int) -> int:
         """Of `of_body`."""

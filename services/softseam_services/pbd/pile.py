@@ -25,7 +25,7 @@ from softseam_protocol.messages.participant import (
     Coupled,
     Fields,
 )
-from softseam_protocol.messages.pile import Begun, Members, Met, Note
+from softseam_protocol.messages.pile import Begun, Meetings, Members, Note
 from softseam_protocol.participant.state import join_states, split_states
 from softseam_services.body.body import Floats
 from softseam_services.body.kernels.bounds import bound_points
@@ -276,7 +276,7 @@ class Stepped(NamedTuple):
     substeps: NDArray[np.int64]
     dissipated: Floats
     """(b,) [J]"""
-    met: list[Met]
+    met: Meetings
     """what contacts between them did"""
 
 
@@ -310,8 +310,8 @@ def reply_of(
         np.ascontiguousarray(rows[k.BOUNDS : k.BOUNDS + 3].T),
         np.ascontiguousarray(rows[k.BOUNDS + 3 : k.BOUNDS + 6].T),
         notes,
-        stepped.met,
-        rows[k.SEAM_WORK],
+        interface_work=rows[k.SEAM_WORK],
+        meetings=stepped.met,
     )
     bounds = np.zeros((2, 3))
     if len(awake):
