@@ -4,12 +4,10 @@ import numpy as np
 
 from softseam_coupling.kept_kernels import njit
 
-_LEVEL = 1e-9
+LEVEL = 1e-9
 """of a distance's square: triangles so nearly as near count as alike"""
 _FACING = 0.3
 """least cosine between a point's normal and the opposite of a triangle's that it may touch"""
-_BEYOND = 1e-6
-"""of a distance: a triangle that is farther than another one by more is not looked at"""
 UNIT, MIDDLE, RADIUS = 0, 3, 6
 N_OF_FACE = 7
 """of a triangle: its unit normal, its middle [m], how far its corners are from there at most [m]"""
@@ -141,28 +139,28 @@ def nearest_listed(points, out, near, counts, listed, last, x, triangles, faces,
         every = counts[i] == EVERY
         n = len(triangles) if every else counts[i]
         best, most, found = reach * reach, -1.0, -1
-        bound = reach * (1.0 + _BEYOND)
+        bound = reach
         lately, latest = last[i], (0.0, 0.0, 0.0, 0.0, 0.0)
         if lately >= 0:
             latest = _away(px, py, pz, x, triangles, faces, lately)
             if latest[3] < best and _faces(ox, oy, oz, faces, lately):  # a bound, whatever its number
-                bound = np.sqrt(latest[3]) * (1.0 + _BEYOND)
+                bound = np.sqrt(latest[3])
         for k in range(n):
             t = k if every else listed[i, k]
             if not _faces(ox, oy, oz, faces, t):
                 continue
             dx, dy, dz = px - faces[t, MIDDLE], py - faces[t, MIDDLE + 1], pz - faces[t, MIDDLE + 2]
-            beyond = faces[t, RADIUS] + bound
+            beyond = (faces[t, RADIUS] + bound) * (1.0 + LEVEL)
             if not dx * dx + dy * dy + dz * dz <= beyond * beyond:
                 continue
             u, v, w, square, across = latest if t == lately else _away(px, py, pz, x, triangles, faces, t)
-            if not square <= best * (1.0 + _LEVEL):
+            if not square <= best * (1.0 + LEVEL):
                 continue
-            if square >= best * (1.0 - _LEVEL) and found >= 0 and abs(across) <= most * (1.0 + _LEVEL):
+            if square >= best * (1.0 - LEVEL) and found >= 0 and abs(across) <= most * (1.0 + LEVEL):
                 continue
             beside[i] = np.sqrt(max(0.0, square - across * across))
             if square < best:
-                bound = min(bound, np.sqrt(square) * (1.0 + _BEYOND))
+                bound = min(bound, np.sqrt(square))
             best, most, found = min(best, square), abs(across), t
             share[i, 0], share[i, 1], share[i, 2] = u, v, w
         last[i] = found

@@ -22,17 +22,7 @@ from softseam_services.body.body import Floats
 from softseam_services.jit import njit, record
 
 from . import eights as col
-from .lanes import (
-    LANES,
-    add_eight,
-    aligned,
-    batch_kernel,
-    gather_eight,
-    lane_kernel,
-    move_eight,
-    scatter_eight,
-    transpose_four,
-)
+from .lanes import LANES, aligned, batch_kernel, lane_kernel, move_four, transpose_four
 from .pairs import EIGHT
 from .touch import CORNER, GIVES, PLACE, POINT, SIDE, stand
 
@@ -40,11 +30,9 @@ W = 3
 """row of the workspace with the points' inverse masses [1/kg]; their places are in those before, and the three corners
 follow likewise"""
 _SOLVED, _SINCE, _SUMS = 16, 16 + col.N_SOLVED, 16 + col.N_SOLVED + col.N_SINCE
-N_SUMS = EIGHT
+N_SUMS = 8
 """of the rows of a body's points in a meeting: f (3) [N], x_p x f (3) [N m], work on that body [J], and on both [J]"""
-_TURNED = _SUMS + N_SUMS
-"""where those of one row lie side by side"""
-_FELT = _TURNED + N_SUMS
+_FELT = _SUMS + N_SUMS
 N_WORKSPACE = (_FELT + 1) * EIGHT
 
 DEPTH, LARGEST, WORK = 0, 1, 2
@@ -82,40 +70,37 @@ def new_books(b: int, m: int) -> Books:
 @lane_kernel
 def _gather(ws, xw, laid, eight):
     """Positions and inverse masses of the points and corners of an eight."""
-    for k in range(4):
-        of = col.NODE + EIGHT * k
-        gather_eight(
-            *(ws, 4 * EIGHT * k, xw),
+    for half in range(0, 4 * EIGHT, LANES):
+        at, of = 4 * EIGHT * (half // EIGHT) + half % EIGHT, col.NODE + half
+        transpose_four(
+            *(ws, at, at + EIGHT, at + 2 * EIGHT, at + 3 * EIGHT, xw),
             *(4 * laid[eight, of], 4 * laid[eight, of + 1], 4 * laid[eight, of + 2], 4 * laid[eight, of + 3]),
-            *(4 * laid[eight, of + 4], 4 * laid[eight, of + 5], 4 * laid[eight, of + 6], 4 * laid[eight, of + 7]),
         )
 
 
 @lane_kernel
 def _scatter(ws, xw, laid, eight):
     """The way back of `_gather`."""
-    for k in range(4):
-        of = col.NODE + EIGHT * k
-        scatter_eight(
-            xw,
-            *(4 * laid[eight, of], 4 * laid[eight, of + 1], 4 * laid[eight, of + 2], 4 * laid[eight, of + 3]),
-            *(4 * laid[eight, of + 4], 4 * laid[eight, of + 5], 4 * laid[eight, of + 6], 4 * laid[eight, of + 7]),
-            *(ws, 4 * EIGHT * k),
+    for half in range(0, 4 * EIGHT, LANES):
+        at, of = 4 * EIGHT * (half // EIGHT) + half % EIGHT, col.NODE + half
+        transpose_four(
+            *(xw, 4 * laid[eight, of], 4 * laid[eight, of + 1], 4 * laid[eight, of + 2], 4 * laid[eight, of + 3]),
+            *(ws, at, at + EIGHT, at + 2 * EIGHT, at + 3 * EIGHT),
         )
 
 
 @lane_kernel
 def _load(ws, to, numbers, eight, count):
     """Numbers of an eight, so many for each row, into the workspace."""
-    for row in range(count):
-        move_eight(ws, EIGHT * (to + row), numbers, EIGHT * (count * eight + row))
+    for four in range(0, EIGHT * count, LANES):
+        move_four(ws, EIGHT * to + four, numbers, EIGHT * count * eight + four)
 
 
 @lane_kernel
 def _store(ws, of, numbers, eight, count, first, end):
     """Those from first to end - 1 the way back."""
-    for row in range(first, end):
-        move_eight(numbers, EIGHT * (count * eight + row), ws, EIGHT * (of + row))
+    for four in range(EIGHT * first, EIGHT * end, LANES):
+        move_four(numbers, EIGHT * count * eight + four, ws, EIGHT * of + four)
 
 
 @lane_kernel
@@ -234,13 +219,6 @@ def _look(ws, lane):
 def _look_at_eight(ws, lanes):
     for lane in range(lanes):
         _look(ws, lane)
-    for half in range(0, EIGHT, LANES):
-        for four in range(0, N_SUMS, LANES):
-            of, to = EIGHT * (_SUMS + four) + half, EIGHT * _TURNED + N_SUMS * half + four
-            transpose_four(
-                *(ws, to, to + N_SUMS, to + 2 * N_SUMS, to + 3 * N_SUMS),
-                *(ws, of, of + EIGHT, of + 2 * EIGHT, of + 3 * EIGHT),
-            )
 
 
 @batch_kernel
@@ -256,7 +234,9 @@ def look_at_rows(eights, first, end, books, xw):
         _store(ws, _SOLVED, solved, eight, col.N_SOLVED, col.REST, col.FORCE)
         _store(ws, _SINCE, since, eight, col.N_SINCE, 0, col.N_SINCE)
         for lane in range(EIGHT):
-            add_eight(sums, N_SUMS * laid[eight, col.OF_SIDE + lane], ws, EIGHT * _TURNED + N_SUMS * lane)
+            side, of = laid[eight, col.OF_SIDE + lane], EIGHT * _SUMS + lane
+            for k in range(N_SUMS):
+                sums[side, k] += ws[of + EIGHT * k]
 
 
 @njit(cache=True, error_model="numpy")

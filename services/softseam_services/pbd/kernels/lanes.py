@@ -90,74 +90,6 @@ def _move_four(typing, to, t, source, s):
     return types.void(to, t, source, s), generate
 
 
-_WIDE = ir.VectorType(ir.DoubleType(), 2 * LANES)
-
-
-def _wide(context, builder, kind, array, index):
-    return builder.bitcast(_place(context, builder, kind, array, index), _WIDE.as_pointer())
-
-
-def _pick(builder, a, b, *order):
-    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), len(order)), list(order)))
-
-
-@intrinsic
-def _gather_eight(typing, to, t, source, s0, s1, s2, s3, s4, s5, s6, s7):
-    def generate(context, builder, signature, arguments):
-        nodes = [
-            builder.load(_place(context, builder, signature.args[2], arguments[2], index), align=8)
-            for index in arguments[3:11]
-        ]
-        halves = _transpose(builder, nodes[:LANES]), _transpose(builder, nodes[LANES:])
-        for c, (low, high) in enumerate(zip(*halves, strict=True)):
-            index = builder.add(arguments[1], ir.Constant(arguments[1].type, 2 * LANES * c))
-            place = _wide(context, builder, signature.args[0], arguments[0], index)
-            builder.store(_pick(builder, low, high, *range(2 * LANES)), place, align=8)
-        return context.get_dummy_value()
-
-    return types.void(to, t, source, s0, s1, s2, s3, s4, s5, s6, s7), generate
-
-
-@intrinsic
-def _scatter_eight(typing, to, t0, t1, t2, t3, t4, t5, t6, t7, source, s):
-    def generate(context, builder, signature, arguments):
-        rows = []
-        for c in range(LANES):
-            index = builder.add(arguments[10], ir.Constant(arguments[10].type, 2 * LANES * c))
-            rows.append(builder.load(_wide(context, builder, signature.args[9], arguments[9], index), align=8))
-        for half in range(2):
-            lanes = range(LANES * half, LANES * half + LANES)
-            for node, lane in zip(
-                _transpose(builder, [_pick(builder, row, row, *lanes) for row in rows]), lanes, strict=True
-            ):
-                place = _place(context, builder, signature.args[0], arguments[0], arguments[1 + lane])
-                builder.store(node, place, align=8)
-        return context.get_dummy_value()
-
-    return types.void(to, t0, t1, t2, t3, t4, t5, t6, t7, source, s), generate
-
-
-@intrinsic
-def _move_eight(typing, to, t, source, s):
-    def generate(context, builder, signature, arguments):
-        vector = builder.load(_wide(context, builder, signature.args[2], arguments[2], arguments[3]), align=8)
-        builder.store(vector, _wide(context, builder, signature.args[0], arguments[0], arguments[1]), align=8)
-        return context.get_dummy_value()
-
-    return types.void(to, t, source, s), generate
-
-
-@intrinsic
-def _add_eight(typing, to, t, source, s):
-    def generate(context, builder, signature, arguments):
-        vector = builder.load(_wide(context, builder, signature.args[2], arguments[2], arguments[3]), align=8)
-        place = _wide(context, builder, signature.args[0], arguments[0], arguments[1])
-        builder.store(builder.fadd(builder.load(place, align=8), vector), place, align=8)
-        return context.get_dummy_value()
-
-    return types.void(to, t, source, s), generate
-
-
 def _transpose_plain(to, t0, t1, t2, t3, source, s0, s1, s2, s3):
     source, to = source.reshape(-1), to.reshape(-1)
     rows = np.array([source[s : s + LANES] for s in (s0, s1, s2, s3)])
@@ -169,38 +101,11 @@ def _move_plain(to, t, source, s):
     to.reshape(-1)[t : t + LANES] = source.reshape(-1)[s : s + LANES]
 
 
-def _gather_plain(to, t, source, *nodes):
-    for i, s in enumerate(nodes):
-        to.reshape(-1)[t + i : t + i + 4 * LANES * 2 : 2 * LANES] = source.reshape(-1)[s : s + LANES]
-
-
-def _scatter_plain(to, *places):
-    *nodes, source, s = places
-    for i, t in enumerate(nodes):
-        to.reshape(-1)[t : t + LANES] = source.reshape(-1)[s + i : s + i + 4 * LANES * 2 : 2 * LANES]
-
-
-def _move_eight_plain(to, t, source, s):
-    to.reshape(-1)[t : t + 2 * LANES] = source.reshape(-1)[s : s + 2 * LANES]
-
-
-def _add_eight_plain(to, t, source, s):
-    to.reshape(-1)[t : t + 2 * LANES] += source.reshape(-1)[s : s + 2 * LANES]
-
-
 _PLAIN: bool = vars(config)["DISABLE_JIT"]
 transpose_four: Any = _transpose_plain if _PLAIN else _transpose_four
 """transpose_four(to, t0, t1, t2, t3, source, s0, s1, s2, s3): to[t_i + j] = source[s_j + i], i and j = 0 .. 3"""
 move_four: Any = _move_plain if _PLAIN else _move_four
 """move_four(to, t, source, s): to[t + j] = source[s + j], j = 0 .. 3"""
-gather_eight: Any = _gather_plain if _PLAIN else _gather_eight
-"""gather_eight(to, t, source, s0 .. s7): to[t + 8 j + i] = source[s_i + j], i = 0 .. 7, j = 0 .. 3"""
-scatter_eight: Any = _scatter_plain if _PLAIN else _scatter_eight
-"""scatter_eight(to, t0 .. t7, source, s): to[t_i + j] = source[s + 8 j + i], i = 0 .. 7, j = 0 .. 3"""
-move_eight: Any = _move_eight_plain if _PLAIN else _move_eight
-"""move_eight(to, t, source, s): to[t + j] = source[s + j], j = 0 .. 7"""
-add_eight: Any = _add_eight_plain if _PLAIN else _add_eight
-"""add_eight(to, t, source, s): to[t + j] += source[s + j], j = 0 .. 7"""
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

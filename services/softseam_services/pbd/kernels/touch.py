@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from softseam_coupling.interfaces.contact import REACH
 from softseam_coupling.kernels.nearest_face import (
     EVERY,
+    LEVEL,
     N_OF_FACE,
     UNIT,
     look_at_surface,
@@ -39,10 +40,8 @@ N_NUMBERS = 9
 
 LISTED = 16
 """triangles that are listed for a point at most; where more come into question, all are tried"""
-MARGIN = 0.25
+MARGIN = REACH / 2
 """of the points' spacing: how far bodies move against one another before triangles are listed again [1]"""
-_SURE = 1.0 - 1e-6
-"""of the margin: so much room is left for roundoff of sums over steps [1]"""
 
 
 @record
@@ -92,9 +91,9 @@ class Touch(NamedTuple):
     # what was found when a meeting was searched
     since: Floats
     """m_0 and s_0 of eq. (1); not a number where it was not (m, 4)"""
-    n_near: Ints
+    n_close: Ints
     """points of each body that have triangles listed (m, 2)"""
-    near: Ints
+    close: Ints
     """these, ascending, from each one's `place` on (f,)"""
     counts: Ints
     """of triangles listed for each, or `EVERY` (f,)"""
@@ -247,7 +246,7 @@ def _meet(members, touch, meeting, now, n):
     for c in range(3):
         square += (touch.middle[a, c] - touch.middle[b, c] - since[c]) ** 2
     margin = MARGIN * min(touch.spacing[a], touch.spacing[b])
-    if not np.sqrt(square) + touch.middle[a, 3] + touch.middle[b, 3] - since[3] <= _SURE * margin:
+    if not np.sqrt(square) + touch.middle[a, 3] + touch.middle[b, 3] - since[3] <= margin * (1.0 - LEVEL):
         for side in range(2):
             _list(touch, meeting, side, touch.to, reach + margin)
         for c in range(3):
@@ -295,10 +294,10 @@ def _list(touch, meeting, side, x, far):
                 touch.listed[place + n, count] = some[k]
             count += 1
         if count > 0:
-            touch.near[place + n], touch.last[place + n] = i, -1
+            touch.close[place + n], touch.last[place + n] = i, -1
             touch.counts[place + n] = count if count <= LISTED else EVERY
             n += 1
-    touch.n_near[meeting, side] = n
+    touch.n_close[meeting, side] = n
 
 
 @njit(cache=True, error_model="numpy")
@@ -311,22 +310,22 @@ def _add_of(members, touch, meeting, side, now, x, far, reach, n):
     first, last = touch.first_triangle[other], touch.first_triangle[other + 1]
     corners, faces = touch.corners[first:last], touch.faces[first:last]
     place = touch.place[meeting, side]
-    until = place + touch.n_near[meeting, side]
-    near, nearest = touch.near[place:until], touch.last[place:until]
+    until = place + touch.n_close[meeting, side]
+    close, nearest = touch.close[place:until], touch.last[place:until]
     if far > reach:  # faces are as the step begins
         faces = np.empty((len(corners), N_OF_FACE))
         look_at_surface(them, corners, faces, np.empty((len(them), 3)))
     nearest_listed(
-        *(points, touch.out[begin:end], near, touch.counts[place:until], touch.listed[place:until], nearest),
+        *(points, touch.out[begin:end], close, touch.counts[place:until], touch.listed[place:until], nearest),
         *(them, corners, faces, far, touch.share, touch.beside),
     )
     mine, their = members[own].parameters.inverse_mass, members[other].parameters.inverse_mass
     soft, rub, others = 2.0 * (touch.yields[own] + touch.yields[other]), touch.friction[meeting], False
-    for i in range(len(near)):
+    for i in range(len(close)):
         covered = 1.0 - touch.beside[i] / reach
         if nearest[i] < 0 or not covered > 0.0:
             continue
-        point, face = near[i], nearest[i]
+        point, face = close[i], nearest[i]
         a, b, c = corners[face, 0], corners[face, 1], corners[face, 2]
         s0, s1, s2 = _project(points, point, them, a, b, c)
         gap = 0.0
