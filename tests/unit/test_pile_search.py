@@ -73,8 +73,8 @@ class Four:
                 out, face, share = np.zeros((p, 3)), np.zeros(p, dtype=np.int64), np.zeros((p, 3))
                 beside, normal = np.zeros(p), np.zeros((p, 3))
                 point_normals(to, corners, out)
-                nearest_faces(points, out, faces, triangles, far, face, share, beside, normal)
-                check_nearest(points, out, faces[triangles], far, face)
+                nearest_faces(points, out, faces, triangles, far, reach, face, share, beside, normal)
+                check_nearest(points, out, faces[triangles], far, reach, face)
                 for i in np.flatnonzero((face >= 0) & (beside < reach)):
                     a, b, c = faces[triangles[face[i]]]
                     edges = np.stack((b - a, c - a), axis=1)
@@ -92,12 +92,16 @@ class Four:
         return nodes, corners, self.x[body][nodes], self.x[body][nodes] + DT * self.v[body][nodes]
 
 
-def check_nearest(points: Floats, out: Floats, triangles: Floats, far: float, face: NDArray[np.int64]) -> None:
-    """That of the triangles (t, 3, 3) that look at a point none within `far` is nearer than its face."""
+def check_nearest(
+    points: Floats, out: Floats, triangles: Floats, far: float, deepest: float, face: NDArray[np.int64]
+) -> None:
+    """That of the triangles (t, 3, 3) that look at a point, which is behind them by `deepest` at most, none within
+    `far` is nearer than its face."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     for point, outward, nearest in zip(points, out, face, strict=True):
-        found = np.where(normals @ outward <= -0.3, distances(point, triangles, normals), np.inf)
+        ahead = np.einsum("tj,tj->t", point - triangles[:, 0], normals) >= -deepest
+        found = np.where(ahead & (normals @ outward <= -0.3), distances(point, triangles, normals), np.inf)
         if nearest < 0:
             assert found.min() >= far * (1.0 - 1e-9)
         else:

@@ -80,9 +80,10 @@ def look_at_surface(x, triangles, faces, normals):
 
 
 @njit(cache=True, error_model="numpy")
-def nearest_faces(points, out, x, triangles, reach, face, share, beside, normal):
+def nearest_faces(points, out, x, triangles, reach, deepest, face, share, beside, normal):
     """Of points (p, 3), on a surface with outward unit vectors out (p, 3), the nearest triangle that faces them of
-    another surface, (t, 3) of corners at x (n, 3), within reach [m].
+    another surface, (t, 3) of corners at x (n, 3), within reach [m], behind which they are by no more than deepest [m]:
+    a body that is passed has other sides.
 
     face (p,) <- its number, -1 where there is none; share (p, 3) <- weights of its corners in the nearest place; beside
     (p,) <- how far the point is from there along the triangle [m]; normal (p, 3) <- the triangle's, out of the surface.
@@ -94,7 +95,7 @@ def nearest_faces(points, out, x, triangles, reach, face, share, beside, normal)
     counts, listed, last = np.full(p, EVERY, dtype=np.int32), np.empty((p, 0), dtype=np.int32), np.empty(p, np.int32)
     last[:] = -1
     near = np.arange(p).astype(np.int32)
-    nearest_listed(points, out, near, counts, listed, last, x, triangles, faces, reach, share, beside)
+    nearest_listed(points, out, near, counts, listed, last, x, triangles, faces, reach, deepest, share, beside)
     for i in range(p):
         face[i] = last[i]
         if last[i] >= 0:
@@ -125,7 +126,7 @@ def _away(px, py, pz, x, triangles, faces, t):
 
 
 @njit(cache=True, error_model="numpy")
-def nearest_listed(points, out, near, counts, listed, last, x, triangles, faces, reach, share, beside):
+def nearest_listed(points, out, near, counts, listed, last, x, triangles, faces, reach, deepest, share, beside):
     """As `nearest_faces`, of the points near (n,) among (p, 3), where only some triangles come into question: for each
     the first counts (n,) of those listed (n, k), ascending, or `EVERY`.
 
@@ -143,7 +144,7 @@ def nearest_listed(points, out, near, counts, listed, last, x, triangles, faces,
         lately, latest = last[i], (0.0, 0.0, 0.0, 0.0, 0.0)
         if lately >= 0:
             latest = _away(px, py, pz, x, triangles, faces, lately)
-            if latest[3] < best and _faces(ox, oy, oz, faces, lately):  # a bound, whatever its number
+            if latest[3] < best and not latest[4] < -deepest and _faces(ox, oy, oz, faces, lately):
                 bound = np.sqrt(latest[3])
         for k in range(n):
             t = k if every else listed[i, k]
@@ -154,7 +155,7 @@ def nearest_listed(points, out, near, counts, listed, last, x, triangles, faces,
             if not dx * dx + dy * dy + dz * dz <= beyond * beyond:
                 continue
             u, v, w, square, across = latest if t == lately else _away(px, py, pz, x, triangles, faces, t)
-            if not square <= best * (1.0 + LEVEL):
+            if across < -deepest or not square <= best * (1.0 + LEVEL):
                 continue
             if square >= best * (1.0 - LEVEL) and found >= 0 and abs(across) <= most * (1.0 + LEVEL):
                 continue

@@ -303,7 +303,7 @@ def _list(touch, meeting, side, x, far):
 @njit(cache=True, error_model="numpy")
 def _add_of(members, touch, meeting, side, now, x, far, reach, n):
     """As `_meet`, of the points of one of the bodies, with triangles no farther than `far` [m] where points are at x;
-    `reach` [m] beside a face a point feels nothing."""
+    beside a face by `reach` [m], or behind it by more, a point feels nothing."""
     own, other = touch.pair[meeting, side], touch.pair[meeting, 1 - side]
     begin, end, theirs = touch.first[own], touch.first[own + 1], touch.first[other]
     points, them = x[begin:end], x[theirs : touch.first[other + 1]]
@@ -317,7 +317,7 @@ def _add_of(members, touch, meeting, side, now, x, far, reach, n):
         look_at_surface(them, corners, faces, np.empty((len(them), 3)))
     nearest_listed(
         *(points, touch.out[begin:end], close, touch.counts[place:until], touch.listed[place:until], nearest),
-        *(them, corners, faces, far, touch.share, touch.beside),
+        *(them, corners, faces, far, reach, touch.share, touch.beside),
     )
     mine, their = members[own].parameters.inverse_mass, members[other].parameters.inverse_mass
     soft, rub, others = 2.0 * (touch.yields[own] + touch.yields[other]), touch.friction[meeting], False
