@@ -73,6 +73,7 @@ class Between:
             faces=np.zeros((triangles[-1], N_OF_FACE)),
             fresh=np.zeros(b, dtype=np.bool_),
             box=np.zeros((b, 6)),
+            halo=np.zeros((b, 6)),
             way=np.zeros((b, 4)),
             middle=np.zeros((b, 4)),
             since=np.full((m, 4), np.nan),

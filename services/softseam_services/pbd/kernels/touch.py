@@ -84,6 +84,8 @@ class Touch(NamedTuple):
     """of which bodies these two were found in this step (b,)"""
     box: Floats
     """lower and upper corner of the box around the points then (b, 6) [m]"""
+    halo: Floats
+    """and of a box so much larger that nothing in the step reaches bodies whose own is apart (b, 6)"""
     way: Floats
     """of each body, see `_find_way` (b, 4)"""
     middle: Floats
@@ -132,14 +134,17 @@ def find_rows(members, touch, asleep, now, dt):
         touch.fresh[body] = False
         if first[body] < first[body + 1] and not asleep[body]:
             _place(members[body], touch, body, dt)
-    n, others = 0, False
+    n, others, halo = 0, False, touch.halo
     for meeting in range(len(touch.pair)):
         a, b = touch.pair[meeting, 0], touch.pair[meeting, 1]
         others = others or touch.start[meeting] != n
         touch.start[meeting] = n
         still = asleep[a] or asleep[b]
-        stand(touch, meeting, now, 1.0 if still else 0.0)
-        if not still:
+        if touch.carries[0, meeting] or touch.carries[1, meeting]:
+            stand(touch, meeting, now, 1.0 if still else 0.0)
+        apart = halo[a, 0] > halo[b, 3] or halo[a, 1] > halo[b, 4] or halo[a, 2] > halo[b, 5]
+        apart = apart or halo[b, 0] > halo[a, 3] or halo[b, 1] > halo[a, 4] or halo[b, 2] > halo[a, 5]
+        if not (still or apart):
             n, found = _meet(members, touch, meeting, now, n)
             others = others or found
     others = others or touch.start[len(touch.pair)] != n
@@ -151,8 +156,6 @@ def find_rows(members, touch, asleep, now, dt):
 def stand(touch, meeting, now, share):
     """The forces that a meeting ends with are a share of those that it began with."""
     held, kept = touch.forces[now], touch.forces[1 - now]
-    if not touch.carries[0, meeting] and not touch.carries[1, meeting]:
-        return
     for side in range(2):
         begin, own = touch.place[meeting, side], touch.pair[meeting, side]
         end = begin + touch.first[own + 1] - touch.first[own]
@@ -196,7 +199,13 @@ def _place(member, touch, body, dt):
     if not np.isfinite(middle[3]):  # a step diverged
         middle[3] = 0.0
         touch.since[:] = np.nan
-    _find_way(at, to, touch.way[body])
+    way, halo = touch.way[body], touch.halo[body]
+    _find_way(at, to, way)
+    # from where they are, two come near by no more than their ways, and look so much farther
+    pace = np.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2) + way[3]
+    more = 0.5 * REACH * touch.spacing[body] + 2.0 * pace
+    for c in range(3):
+        halo[c], halo[3 + c] = box[c] - more, box[3 + c] + more
 
 
 @njit(cache=True, error_model="numpy")
