@@ -36,6 +36,7 @@ Floats = NDArray[np.float64]
 _FREE = np.zeros((0, 3))
 _ARRAYS = [each.name for each in fields(Members) if each.name not in ("notes", "met", "meetings")]
 _FIGURES = [each for each in Figure if each in _ARRAYS]
+_APART = InterfaceReport(0.0, 0, 0, 0.0, 0.0)
 _STILL = {"tool_work": 0, "interface_work": 0, "dissipated": 0, "iterations": 0, "n_substeps": 1}
 """of bodies that sleep through a step"""
 
@@ -181,7 +182,9 @@ class PileBodies:
         met = self._step.meetings
         figures = met.depth.tolist(), met.n_points.tolist(), met.force.tolist(), met.work.tolist()
         each = zip(self.pile.contacts, *figures, strict=True)
-        return {name: InterfaceReport(depth, 0, n, force, work) for name, depth, n, force, work in each}
+        return {
+            name: InterfaceReport(depth, 0, n, force, work) if n else _APART for name, depth, n, force, work in each
+        }
 
     def measure(
         self, position: Floats, orientation: Floats, frames: Mapping[str, Frame], lifting: bool
