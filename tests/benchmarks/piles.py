@@ -7,8 +7,8 @@ apart: processor time a body and step [ms] and how much of it is kernels, for 1,
 touching: of 8, 27 and 125 cubes, of one cell at 20 kPa and of 2x2x2 at 100 kPa, all awake, processor time of a step
 [ms]: kernels, of which those that find what touches, and Python. Each is the median of steps; compiling is not counted.
 
-What bounds the rows. Eight in a round read 1 kB of numbers, 16 ns at the 60 GB/s that one core reads 2 MB with, and take
-some 1000 operations, 9 ns at 32 a cycle; the moves of 32 nodes in and out, and a root and a quotient that wait for one
+What bounds the rows. Eight in a round read 1 kB of numbers, 16 ns at the 60 GB/s by which one core reads 2 MB, and take
+1000 operations, 9 ns at 32 a cycle; the moves of 32 nodes in and out, and a root and a quotient that wait for one
 another, are what they take 62 ns for (33 where none is pressed, 64 to look at them once a substep; 145 as scalars). So
 rows are at a quarter of what memory allows, and of 37 ms for 125 cubes of 2x2x2 cells they are 8: the same bodies
 apart take 30.
