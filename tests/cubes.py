@@ -1,13 +1,20 @@
-"""Scenes of cubes that do not touch: what a pile of whole XPBD bodies is measured and checked with."""
+"""Scenes of cubes, apart or piled: what a pile of whole XPBD bodies is measured and checked with."""
 
 from __future__ import annotations
 
+import json
 from typing import Any
+
+import numpy as np
 
 from softseam_protocol.scene.scene import Scene
 
 EDGE = 0.05
 """of a cube [m]"""
+APART = 2e-4
+"""of neighbours in a pile at first [m]"""
+FIRM = {"young": 1e5, "poisson": 0.3, "density": 1000.0, "retardation_time": 0.02}
+SOFT = {"kind": "neo_hookean", "young": 2.0e4, "poisson": 0.45, "density": 1050.0}
 GROUND = {"ground": {"kind": "plane", "friction": 0.5}}
 
 
@@ -17,7 +24,7 @@ def cube(at: int, side: int, cells: int = 2, **keys: Any) -> dict[str, Any]:
         "shape": {"kind": "block", "size": [EDGE] * 3},
         "cell": EDGE / cells,
         "position": [2.0 * EDGE * (at % side), 2.0 * EDGE * (at // side), 0.003],
-        "material": {"kind": "neo_hookean", "young": 2.0e4, "poisson": 0.45, "density": 1050.0},
+        "material": SOFT,
         "regions": {"default": "pbd"},
         **keys,
     }
@@ -33,6 +40,25 @@ def cubes(count: int, cells: int = 2, **keys: Any) -> Scene:
     """So many of them."""
     side = max(1, round(count**0.5))
     return scene_of({f"cube{at}": cube(at, side, cells) for at in range(count)}, **keys)
+
+
+def piled(side: int, layers: int, cells: int = 2, **keys: Any) -> Scene:
+    """side x side towers of cubes, each above, beside and behind another, a little apart; keys as of `scene_of`, but
+    `material`, which is theirs."""
+    places = {f"cube{x}{y}{z}": (x, y, z) for z in range(layers) for y in range(side) for x in range(side)}
+    material, step = keys.pop("material", FIRM), EDGE + APART
+    bodies = {
+        name: cube(0, 1, cells, position=[step * x, step * y, step * z], material=material)
+        for name, (x, y, z) in places.items()
+    }
+    touch = {
+        f"{one}_{other}": {"kind": "contact", "between": [one, other], "friction": 0.4}
+        for one, at in places.items()
+        for other, beside in places.items()
+        if sorted(np.subtract(beside, at)) == [0, 0, 1]
+    }
+    scene = scene_of(bodies, interfaces=touch, duration=1.0, **keys)
+    return Scene.model_validate(json.loads(scene.model_dump_json(exclude_unset=True)))
 
 
 def unlike(**keys: Any) -> Scene:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Callable
 
 import pytest
-from cubes import cubes, unlike
+from cubes import cubes, piled, unlike
 from real_services import READY, Services
 from trajectory import first_difference, same_frame
 
 from softseam.connected import ConnectedBackend
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -22,10 +24,18 @@ STEPS = 45
 """within the motion of the tools"""
 
 
-@pytest.mark.parametrize("number", [0, signal.SIGKILL, signal.SIGSTOP])
-def test_a_pile_is_the_same_over_the_bus(services: Services, bus: Bus, number: int) -> None:
-    """Four bodies between tools, one of which is gripped: reports and last frames, bit for bit."""
-    bundle = bundle_scene(unlike())
+def eight() -> Scene:
+    """Cubes that fall on one another, and slide."""
+    return piled(2, 2, 1, gravity=[2.0, 1.0, -9.0])
+
+
+@pytest.mark.parametrize(
+    ("scene", "number"),
+    [(unlike, 0), (unlike, signal.SIGKILL), (unlike, signal.SIGSTOP), (eight, 0), (eight, signal.SIGKILL)],
+)
+def test_a_pile_is_the_same_over_the_bus(services: Services, bus: Bus, scene: Callable[[], Scene], number: int) -> None:
+    """Four bodies between tools, one of which is gripped, or eight that touch: reports and last frames, bit for bit."""
+    bundle = bundle_scene(scene())
     simulation = Simulation(bundle, EmbeddedTransport())
     wanted = [simulation.step(fields=n == STEPS - 1) for n in range(STEPS)]
     frames = simulation.frames()

@@ -156,6 +156,17 @@ def test_two_that_meet_in_flight_keep_their_momenta(model: str) -> None:
 
 
 @MODELS
+def test_two_that_pass_each_other_feel_nothing(model: str) -> None:
+    """At 20 m/s, one above the other by more than the reach: no point is inside what it has passed, though it looks at
+    its far side."""
+    upper = cube(position=[-0.2, 0.003, EDGE + 0.006], velocity=[20.0, 0.0, 0.0])
+    free: dict[str, Any] = {"gravity": [0.0, 0.0, 0.0], "tools": {}, "duration": 0.03, "model": model}
+    run = Run(scene(upper, **free))
+    assert max(each.force for each in run.touch) == 0.0
+    assert run.apart[-1, 0] == pytest.approx(-0.2 + 20.0 * 0.03, abs=1e-9)
+
+
+@MODELS
 def test_two_halves_are_pressed_as_the_whole(model: str) -> None:
     """Between planes without friction: the same force within 1 %, 1.4 % of two models, for surfaces sink in by .8 % of
     what cells do."""

@@ -2,36 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from typing import Any
-
 import numpy as np
 import pytest
-from cubes import cube, scene_of
+from cubes import EDGE, FIRM, cube, piled, scene_of
 
 import softseam
-from softseam_protocol.scene.scene import Scene
 
-EDGE, GAP = 0.05, 2e-4
 MASS = 1000.0 * EDGE**3
-MATERIAL = {"young": 1e5, "poisson": 0.3, "density": 1000.0, "retardation_time": 0.02}
-
-
-def piled(side: int, layers: int, **keys: Any) -> Scene:
-    """side x side towers of cubes, each above, beside and behind another, a little apart."""
-    places = {f"cube{x}{y}{z}": (x, y, z) for z in range(layers) for y in range(side) for x in range(side)}
-    bodies = {
-        name: cube(0, 1, position=[EDGE * x + GAP * x, EDGE * y + GAP * y, EDGE * z + GAP * z], material=MATERIAL)
-        for name, (x, y, z) in places.items()
-    }
-    touch = {
-        f"{one}_{other}": {"kind": "contact", "between": [one, other], "friction": 0.4}
-        for one, at in places.items()
-        for other, beside in places.items()
-        if sorted(np.subtract(beside, at)) == [0, 0, 1]
-    }
-    scene = scene_of(bodies, interfaces=touch, duration=1.0, **keys)
-    return Scene.model_validate(json.loads(scene.model_dump_json(exclude_unset=True)))
 
 
 def test_a_pile_of_eight_rests() -> None:
@@ -83,7 +60,7 @@ def test_bodies_that_do_not_touch_are_as_without_contact() -> None:
 
 def test_groups_come_and_go_with_the_same_bits() -> None:
     """Four that fall one on the other, saved before and while they touch."""
-    bodies = {f"cube{k}": cube(0, 1, position=[2e-3 * k, 0.0, (EDGE + 0.01) * k], material=MATERIAL) for k in range(4)}
+    bodies = {f"cube{k}": cube(0, 1, position=[2e-3 * k, 0.0, (EDGE + 0.01) * k], material=FIRM) for k in range(4)}
     touch = {f"t{k}": {"kind": "contact", "between": [f"cube{k}", f"cube{k + 1}"]} for k in range(3)}
     with softseam.open(scene_of(bodies, interfaces=touch)) as sim:
         sim.reset(seed=0)

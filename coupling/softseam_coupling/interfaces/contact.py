@@ -97,7 +97,10 @@ class Contact:
         if n:
             out = np.empty_like(points)
             point_normals(points, side.surface.triangles, out)
-            nearest_faces(points[close], out[close], faces, other.surface.triangles, reach, face, share, beside, normal)
+            nearest_faces(
+                *(points[close], out[close], faces, other.surface.triangles, reach, reach),
+                *(face, share, beside, normal),
+            )
         covered = 1.0 - beside / reach
         met = np.flatnonzero((face >= 0) & (covered > 0.0))
         close, face, share, normal = close[met], face[met], share[met], normal[met]

@@ -52,7 +52,7 @@ class Note:
 
 @message
 class Met:
-    """What a contact between two bodies of a pile did in a step."""
+    """What a contact between two bodies of a pile did in a step: not used since there are `Meetings`."""
 
     n_points: Count
     """that were near enough to touch"""
@@ -62,6 +62,20 @@ class Met:
     """largest on a point [N]"""
     work: float
     """on both bodies [J]"""
+
+
+@message
+class Meetings:
+    """What the m contacts between bodies of a pile did in a step, in the order of the scene's interfaces."""
+
+    n_points: Ids
+    """that were near enough to touch (m,)"""
+    depth: Scalars
+    """of a point inside the other body, at most, at the end (m,) [m]"""
+    force: Scalars
+    """largest on a point (m,) [N]"""
+    work: Scalars
+    """on both bodies (m,) [J]"""
 
 
 @message
@@ -94,11 +108,17 @@ class Members:
     notes: list[Note] = field(default_factory=list)
     """of those of whose step there is something to say"""
     met: list[Met] = field(default_factory=list)
-    """of each contact between bodies of the pile, in the order of the scene's interfaces"""
+    """not used since there is `meetings`"""
     interface_work: Scalars = field(default_factory=lambda: np.zeros(0))
     """of other bodies of the pile on each (b,) [J]"""
+    meetings: Meetings = field(default_factory=lambda: no_meetings(0))
     on_guests: list[Push] = field(default_factory=list)
     """by all that touch each guest, in the order of `Configure.guests`"""
+
+
+def no_meetings(m: int) -> Meetings:
+    """Of m contacts in a step in which nothing touched."""
+    return Meetings(np.zeros(m, dtype=np.int32), np.zeros(m), np.zeros(m), np.zeros(m))
 
 
 @message

@@ -18,7 +18,7 @@ from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import Figure, Status
 from softseam_protocol.messages.participant import Advanced, Coupled, Fields
-from softseam_protocol.messages.pile import Members, Met
+from softseam_protocol.messages.pile import Members, no_meetings
 from softseam_protocol.messages.session import ErrorEstimate, Frame, InterfaceReport, PartReport
 from softseam_services.orchestrator.creep import Creep
 from softseam_services.orchestrator.energy_balance import Entry
@@ -34,8 +34,9 @@ from softseam_services.tools.tool_set import ToolSet
 Floats = NDArray[np.float64]
 
 _FREE = np.zeros((0, 3))
-_ARRAYS = [each.name for each in fields(Members) if each.name not in ("notes", "met", "on_guests")]
+_ARRAYS = [each.name for each in fields(Members) if each.name not in ("notes", "met", "meetings", "on_guests")]
 _FIGURES = [each for each in Figure if each in _ARRAYS]
+_APART = InterfaceReport(0.0, 0, 0, 0.0, 0.0)
 _STILL = {"tool_work": 0, "interface_work": 0, "dissipated": 0, "iterations": 0, "n_substeps": 1}
 """of bodies that sleep through a step"""
 
@@ -63,8 +64,8 @@ class PileBodies:
         self._step = Members(
             *(none, none, none, none, none, flat, flat, none, none, none, ids, ids, ids),
             *(np.zeros((b, t, 6)), flat, flat),
-            met=[Met(0, 0.0, 0.0, 0.0) for _ in self.pile.contacts],
             interface_work=none,
+            meetings=no_meetings(len(self.pile.contacts)),
         )
         self._header = Header(SCHEMA_VERSION, "", self.pile.part, 0, 0, 0, 0.0)
         self._seconds, self._awake = 0.0, np.arange(b)
@@ -117,8 +118,11 @@ class PileBodies:
                 assert reply.members is not None
                 array[self._awake] = getattr(reply.members, name)
         said = None if reply is None else reply.members
-        still = [replace(each, work=0.0) for each in self._step.met]
-        self._step = replace(step, met=still) if said is None else replace(step, notes=said.notes, met=said.met)
+        met = self._step.meetings
+        still = replace(met, work=np.zeros_like(met.work))
+        self._step = (
+            replace(step, meetings=still) if said is None else replace(step, notes=said.notes, meetings=said.meetings)
+        )
 
     def stand(self, name: str, reply: Advanced) -> None:
         """A body sleeps, as it stood when it fell asleep."""
@@ -175,8 +179,12 @@ class PileBodies:
     @property
     def interfaces(self) -> dict[str, InterfaceReport]:
         """Of the last step, by contact between its bodies; of those asleep, as it was when they fell asleep."""
-        met = zip(self.pile.contacts, self._step.met, strict=True)
-        return {name: InterfaceReport(each.depth, 0, each.n_points, each.force, each.work) for name, each in met}
+        met = self._step.meetings
+        figures = met.depth.tolist(), met.n_points.tolist(), met.force.tolist(), met.work.tolist()
+        each = zip(self.pile.contacts, *figures, strict=True)
+        return {
+            name: InterfaceReport(depth, 0, n, force, work) if n else _APART for name, depth, n, force, work in each
+        }
 
     def measure(
         self, position: Floats, orientation: Floats, frames: Mapping[str, Frame], lifting: bool

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.interfaces import Faces
-from softseam_protocol.messages.pile import Met
+from softseam_coupling.kernels.nearest_face import N_OF_FACE
+from softseam_protocol.messages.pile import Meetings
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.contact_faces import faces_of
 from softseam_services.body.errors import SettingError
@@ -18,12 +18,17 @@ from softseam_services.body.sampled_faces import SampledFaces
 from softseam_services.jit import Rows
 
 from .guests import Guests
-from .kernels.between import N_INTS, N_MET, N_NUMBERS, Touch, find_groups, find_rows
+from .kernels.between import DEPTH, LARGEST, WORK, new_books
+from .kernels.eights import fill_eights, find_groups, lay_rows, new_eights, new_groups
+from .kernels.pairs import EIGHT
+from .kernels.touch import LISTED, N_INTS, N_NUMBERS, Touch, find_rows
 from .pile_pieces import Piece, Pieces
 
 Mask = NDArray[np.bool_]
 Numbers = NDArray[np.int64]
 
+_EIGHTS = 64
+"""that there is room for at first"""
 _NO_NODES = np.zeros(0, dtype=np.int32)
 _NO_FACES = Faces(_NO_NODES, np.zeros((0, 3), dtype=np.int32), np.zeros(0), 0.0, 0.0)
 
@@ -36,19 +41,6 @@ class Contact:
     """their numbers, those of guests after those of the pile's bodies"""
     friction: float
     """Coulomb's coefficient [1]"""
-
-
-class Group(NamedTuple):
-    """What touches one another in a step, directly or by others."""
-
-    bodies: Numbers
-    """numbers of bodies of the pile"""
-    guests: Numbers
-    """and of guests, among these"""
-    met: Numbers
-    """of contacts between bodies"""
-    visits: Numbers
-    """and of those with guests"""
 
 
 class Between:
@@ -72,12 +64,14 @@ class Between:
         for first, own_nodes in zip(rows, nodes, strict=True):
             number[first + own_nodes] = np.arange(len(own_nodes))
         self._ends = np.cumsum([0, *counts[pair].ravel()])
+        p, f, triangles = int(counts.sum()), int(self._ends[-1]), _ends(len(each.triangles) for each in faces)
+        most = int(counts.max(initial=0))
         self.touch = Touch(
             first=_ends(counts),
             node=np.concatenate(nodes).astype(np.int32),
             row=rows,
             number=number,
-            first_triangle=_ends(len(each.triangles) for each in faces),
+            first_triangle=triangles,
             corners=np.concatenate([each.triangles for each in faces]).astype(np.int32),
             area=np.concatenate([each.area for each in faces]),
             inverse_mass=np.concatenate([*masses, np.zeros(sum(counts[own:]))]),
@@ -85,52 +79,66 @@ class Between:
             spacing=np.array([each.spacing for each in faces]),
             pair=pair,
             friction=np.array([each.friction for each in contacts.values()], dtype=np.float64),
+            visits=np.asarray((pair >= own).any(axis=1)),
             presses=np.array([_shares(faces[one], faces[other]) for one, other in pair.tolist()]).reshape(m, 2),
             place=self._ends[:-1].reshape(m, 2).astype(np.int32),
-            at=np.zeros((counts.sum(), 3)),
-            to=np.zeros((counts.sum(), 3)),
-            out=np.zeros((counts.sum(), 3)),
+            guest_at=np.zeros_like(guests.came),
+            guest_to=np.zeros_like(guests.came),
+            at=np.zeros((p, 3)),
+            to=np.zeros((p, 3)),
+            out=np.zeros((p, 3)),
+            faces=np.zeros((triangles[-1], N_OF_FACE)),
+            fresh=np.zeros(b, dtype=np.bool_),
+            box=np.zeros((b, 6)),
+            halo=np.zeros((b, 6)),
             way=np.zeros((b, 4)),
+            middle=np.zeros((b, 4)),
+            since=np.full((m, 4), np.nan),
+            n_close=np.zeros((m, 2), dtype=np.int32),
+            close=np.zeros(f, dtype=np.int32),
+            counts=np.zeros(f, dtype=np.int32),
+            listed=np.zeros((f, LISTED), dtype=np.int32),
+            last=np.zeros(f, dtype=np.int32),
+            share=np.zeros((most, 3)),
+            beside=np.zeros(most),
+            moved=np.zeros((most, 3)),
             start=np.zeros(m + 1, dtype=np.int32),
-            ints=np.zeros((self._ends[-1], N_INTS), dtype=np.int32),
-            rows=np.zeros((self._ends[-1], N_NUMBERS)),
-            work=np.zeros(b),
-            turned=np.zeros((b, 3)),
-            met=np.zeros((m, N_MET)),
+            ints=np.zeros((f, N_INTS), dtype=np.int32),
+            rows=np.zeros((f, N_NUMBERS)),
+            forces=np.zeros((2, f, 3)),
+            carries=np.zeros((2, m), dtype=np.bool_),
         )
-        self.forces: tuple[Floats, Floats] = np.zeros((self._ends[-1], 3)), np.zeros((self._ends[-1], 3))
-        """on points, see `Touch.place`, as the committed step left them, and as the tentative one does [N]"""
-        self.centre = np.zeros((b, 3))
-        self._visits: Mask = np.asarray((pair >= own).any(axis=1))
+        self._visits: Mask = self.touch.visits
         self._make_room(counts, pair, [each for each in faces if isinstance(each, Faces)])
-        self._of_guests = slice(int(self.touch.first[own]), int(self.touch.first[b]))
         sides = pair.ravel()
         kept_by = np.where(sides < own, sides, np.where(pair[:, ::-1].ravel() < own, pair[:, ::-1].ravel(), 0))
         self._own = [np.flatnonzero(kept_by == number) for number in range(own)]
         """contacts whose forces a body's snapshot has: its own, and those of guests that it meets"""
+        self.groups, self.books = new_groups(b, m), new_books(b, m)
+        self.n_groups = 0
+        self._xw = pieces.xw
+        self.eights = new_eights(_EIGHTS, len(self._xw))
+        self.any = m > 0
 
-    def find(self, members: Rows, asleep: Mask, now: int, dt: float) -> list[Group]:
-        """What touches in a step of dt [s].
+    def find(self, members: Rows, asleep: Mask, now: int, dt: float) -> None:
+        """What touches in a step of dt [s]: of the first `n_groups` of `groups` the rows in `eights`.
 
         asleep  of the pile's bodies, and of guests
-        now     which of `forces` the step begins with
+        now     which of the forces between bodies the step begins with
         """
-        touch, b, own = self.touch, len(asleep), self._n_own
-        if not len(touch.pair):
-            return []
-        touch.at[self._of_guests], touch.to[self._of_guests] = self._guests.came, self._guests.goes
-        find_rows(members, own, touch, asleep, self.forces[now], self.forces[1 - now], dt)
-        if own < b:
-            self._guests.gather(touch, self.forces[now])
-        order, start = np.zeros(b, dtype=np.int64), np.zeros(b + 1, dtype=np.int64)
-        n = find_groups(touch, order, start)
-        met = np.flatnonzero(np.diff(touch.start))
-        groups = [order[start[group] : start[group + 1]] for group in range(n)]
-        return [self._group(each, met[np.isin(touch.pair[met, 0], each)]) for each in groups]
-
-    def _group(self, bodies: Numbers, met: Numbers) -> Group:
-        own, visits = bodies < self._n_own, self._visits[met]
-        return Group(bodies[own], bodies[~own] - self._n_own, met[~visits], met[visits])
+        touch, guests = self.touch, self._guests
+        touch.guest_at[:], touch.guest_to[:] = guests.came, guests.goes
+        n_rows, others = find_rows(members, self._n_own, touch, asleep, now, dt)
+        if others:
+            self.n_groups, self._n_eights = find_groups(touch, self.groups), -1
+            while self._n_eights < 0:
+                self._n_eights = lay_rows(touch, self.groups, self.n_groups, self.eights, len(self._xw) - EIGHT)
+                if self._n_eights < 0:
+                    self.eights = new_eights(2 * len(self.eights.laid), len(self._xw))
+        if n_rows:
+            fill_eights(touch, self.eights, self._n_eights)
+        if len(guests.faces):
+            guests.gather(touch, touch.forces[now])
 
     def _make_room(self, counts: Numbers, pair: Ints, faces: list[Faces]) -> None:
         """For patches: of each node of the side that they are around, with the nodes and points that may be near it."""
@@ -145,11 +153,11 @@ class Between:
         self._guests.make_room(len(pair), ones, n_nodes, n_entries, met)
 
     @property
-    def met(self) -> list[Met]:
+    def met(self) -> Meetings:
         """What the contacts did in the last step."""
         counts = np.diff(self.touch.start)
-        figures = np.where(counts[:, None] > 0, self.touch.met, 0.0).tolist()
-        return [Met(count, *each) for count, each in zip(counts.tolist(), figures, strict=True)]
+        figures = np.where(counts > 0, self.books.met.T, 0.0)
+        return Meetings(counts, figures[DEPTH], figures[LARGEST], figures[WORK])
 
     def size_of(self, number: int) -> int:
         """Of `of_body`."""
@@ -157,16 +165,18 @@ class Between:
 
     def of_body(self, number: int, now: int) -> Floats:
         """Forces on the points of a body, contact by contact, for its snapshot."""
-        parts = [self.forces[now][self._ends[k] : self._ends[k + 1]].ravel() for k in self._own[number]]
+        forces = self.touch.forces[now]
+        parts = [forces[self._ends[k] : self._ends[k + 1]].ravel() for k in self._own[number]]
         return np.concatenate([np.zeros(0), *parts])
 
     def load(self, number: int, now: int, forces: Floats) -> None:
         """Continue from `of_body`, or with no forces."""
         at = 0
         for k in self._own[number]:
-            own = self.forces[now][self._ends[k] : self._ends[k + 1]]
+            own = self.touch.forces[now, self._ends[k] : self._ends[k + 1]]
             own[:] = forces[at : at + own.size].reshape(own.shape) if len(forces) else 0.0
             at += own.size
+            self.touch.carries[now, k // 2] = True
 
 
 def _shares(one: Faces | SampledFaces, other: Faces | SampledFaces) -> tuple[float, float]:

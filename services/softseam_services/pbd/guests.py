@@ -14,9 +14,9 @@ from softseam_protocol.messages.pile import Guest, Push
 from softseam_services.body.body import Floats
 from softseam_services.body.sampled_faces import SampledFaces
 
-from .kernels.between import Touch
 from .kernels.guests import Guests as Arrays
 from .kernels.patches import BODY, GUEST, GUEST_SLOT, N_INTS, N_NUMBERS, PLACE, SLOT, Patches, gather_patches
+from .kernels.touch import Touch
 
 Mask = NDArray[np.bool_]
 

@@ -25,7 +25,7 @@ from softseam_protocol.messages.participant import (
     Coupled,
     Fields,
 )
-from softseam_protocol.messages.pile import Begun, Members, Met, Note, Push
+from softseam_protocol.messages.pile import Begun, Meetings, Members, Note, Push
 from softseam_protocol.participant.state import join_states, split_states
 from softseam_services.body.body import Floats
 from softseam_services.body.kernels.bounds import bound_points
@@ -39,7 +39,7 @@ from .kernels import pile as of_pile
 from .kernels import summary as k
 from .kernels import trust
 from .kernels.block import new_workspace
-from .kernels.group import advance_group
+from .kernels.group import advance_touching
 from .kernels.thread_team import new_team
 from .pile_pieces import Piece, Pieces
 from .records import PbdState, decode_state, encode_state, new_inputs
@@ -131,14 +131,14 @@ class PileSolver:
         kernels, apart = awake[~self._apart[awake]], awake[self._apart[awake]]
         rows, between, working = self._rows[self._now], self._between, (self._team, self._ws, self._notes)
         away = self._guests.take(request.guests)
-        groups = between.find(rows, np.concatenate([asleep, away]), self._now, request.dt)
-        alone = np.setdiff1d(kernels, np.concatenate([each.bodies for each in groups])) if groups else kernels
+        if between.any:
+            between.find(rows, np.concatenate([asleep, away]), self._now, request.dt)
+        alone = kernels[~between.groups.tied[kernels]]
         of_pile.advance_bodies(rows, alone, self._inputs, request.dt, *working)
-        for each in groups:
-            advance_group(
-                *(rows, tuple(each), between.touch, between.forces[self._now], between.forces[1 - self._now]),
-                *(self._guests.patches, self._guests.arrays, self._all.xw, between.centre, self._inputs, request.dt),
-                *working,
+        if between.n_groups:
+            advance_touching(
+                *(rows, between.n_groups, between.groups, between.touch, between.eights, self._now, between.books),
+                *(self._guests.patches, self._guests.arrays, self._all.xw, self._inputs, request.dt, *working),
             )
         dissipated = np.zeros(len(self.pieces))
         notes = {int(number): self._step_apart(int(number), request, dissipated) for number in apart}
@@ -288,7 +288,7 @@ class Stepped(NamedTuple):
     substeps: NDArray[np.int64]
     dissipated: Floats
     """(b,) [J]"""
-    met: list[Met]
+    met: Meetings
     """what contacts between them, and with guests, did"""
     on_guests: list[Push]
 
@@ -323,9 +323,9 @@ def reply_of(
         np.ascontiguousarray(rows[k.BOUNDS : k.BOUNDS + 3].T),
         np.ascontiguousarray(rows[k.BOUNDS + 3 : k.BOUNDS + 6].T),
         notes,
-        stepped.met,
-        rows[k.SEAM_WORK],
-        stepped.on_guests,
+        interface_work=rows[k.SEAM_WORK],
+        meetings=stepped.met,
+        on_guests=stepped.on_guests,
     )
     bounds = np.zeros((2, 3))
     if len(awake):

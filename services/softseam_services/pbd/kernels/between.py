@@ -2,8 +2,8 @@
 
 A point x_p, of half the area A that it stands for, is from the nearest face, that looks towards it, g = n . d away,
 d = x_p - sum_i s_i x_i, with the face's corners x_i, the weights s of the nearest place and the normal n there: as they
-will be if bodies go on as they do, kept over the step. Its force f = p n + t is solved as that of a point on a tool
-with compliance, eq. (3) of `contact`, with 1/r of both bodies (coupling/softseam_coupling/interfaces/contact.py):
+will be if bodies go on as they do, kept over the step (`touch`). Its force f = p n + t is solved as that of a point on
+a tool with compliance, eq. (3) of `contact`, with 1/r of both bodies (softseam_coupling.interfaces.contact):
 
     c = h^2 (w_p + sum_i s_i^2 w_i),  alpha = 1/r
     p = max(0, p_old - (g + alpha p_old)/(c + alpha)),  t = t_old - (d' + alpha (t_old - t_0))/(c + alpha)        (1)
@@ -11,26 +11,29 @@ with compliance, eq. (3) of `contact`, with 1/r of both bodies (coupling/softsea
 cut off to |t| <= mu p, d' being how far d went across n in the substep and t_0 the force as it began: what sticks under
 a force that stays does not creep. The point moves by h^2 w_p df, the corners by -h^2 s_i w_i df: no pair of bodies
 gains momentum. Forces stay in the nodes' accelerations from one substep to the next, and by points from one step to the
-next.
+next. Rows are solved by eights that share no node (`eights`).
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from softseam_coupling.interfaces.contact import REACH
-from softseam_coupling.kernels.nearest_face import nearest_faces, point_normals
-from softseam_services.body.body import Floats, Ints
+from softseam_services.body.body import Floats
 from softseam_services.jit import njit, record
 
-POINT, CORNER, PLACE, OWN, OTHER = 0, 1, 4, 5, 6
-N_INTS = 7
-"""of a row: point and three corners, as rows of the pile's xw; place of the point among forces; numbers of its body and
-of the other"""
-SHARE, NORMAL, SOFT, GIVES, RUB, FORCE, HELD, BEGAN, FACED = 0, 3, 6, 7, 8, 9, 12, 15, 18
-N_NUMBERS = 21
-"""of a row: s (3,), n (3,), alpha [m/N], c/h^2 [1/kg], mu, f and t_0 (3,) [N], where the point and the place on the
-face were as the substep began (3,) [m]"""
+from . import eights as col
+from .lanes import LANES, aligned, batch_kernel, lane_kernel, move_four, transpose_four
+from .pairs import EIGHT
+from .touch import CORNER, GIVES, PLACE, POINT, SIDE, stand
+
+W = 3
+"""row of the workspace with the points' inverse masses [1/kg]; their places are in those before, and the three corners
+follow likewise"""
+_SOLVED, _SINCE, _SUMS = 16, 16 + col.N_SOLVED, 16 + col.N_SOLVED + col.N_SINCE
+N_SUMS = 8
+"""of the rows of a body's points in a meeting: f (3) [N], x_p x f (3) [N m], work on that body [J], and on both [J]"""
+_FELT = _SUMS + N_SUMS
+N_WORKSPACE = (_FELT + 1) * EIGHT
 
 DEPTH, LARGEST, WORK = 0, 1, 2
 N_MET = 3
@@ -39,371 +42,284 @@ work on both bodies [J]"""
 
 
 @record
-class Touch(NamedTuple):
-    """What touches what in a pile: b bodies, its own and then guests, p points of their surfaces, t triangles between
-    these, m meetings of two bodies, r rows."""
+class Books(NamedTuple):
+    """What rows did in a step, to b bodies in m meetings."""
 
-    first: Ints
-    """of the points of each body (b + 1,)"""
-    node: Ints
-    """of each point, in its body (p,)"""
-    row: Ints
-    """of each body's first node in the pile's xw (b,); guests' are after these, and not there"""
-    number: Ints
-    """point of each row, counted from the first of its body, -1 of nodes that are none"""
-    first_triangle: Ints
-    """(b + 1,)"""
-    corners: Ints
-    """of triangles, points of their body, counted from its first (t, 3)"""
-    area: Floats
-    """that each point stands for (p,) [m^2]"""
-    inverse_mass: Floats
-    """of each (p,) [1/kg], 0 of guests'"""
-    yields: Floats
-    """how far the surface of each body sinks in under a pressure (b,) [m/Pa]"""
-    spacing: Floats
-    """of its points (b,) [m]"""
-    pair: Ints
-    """bodies that meet (m, 2)"""
-    friction: Floats
-    """(m,)"""
-    presses: Floats
-    """how much of its area each of the two presses with (m, 2) [1]"""
-    place: Ints
-    """of the forces on the points of each of the two, among all (m, 2)"""
-    at: Floats
-    """points as the step begins (p, 3) [m]"""
-    to: Floats
-    """and as it ends, if all goes on"""
-    out: Floats
-    """unit vectors out of the surface then (p, 3)"""
-    way: Floats
-    """of each body, see `_find_way` (b, 4)"""
-    start: Ints
-    """first row of each meeting (m + 1,)"""
-    ints: Ints
-    """(r, N_INTS)"""
-    rows: Floats
-    """(r, N_NUMBERS)"""
     work: Floats
-    """of all rows on each body in the step (b,) [J]"""
+    """on each body (b,) [J]"""
     turned: Floats
-    """angular momentum that they gave each body, about its centre (b, 3) [kg m^2/s]"""
+    """angular momentum that they gave each, about its centre (b, 3) [kg m^2/s]"""
     met: Floats
     """of each meeting, see `N_MET` (m, N_MET)"""
+    sums: Floats
+    """of the points of each body in a meeting, of the substep that is over, see `N_SUMS` (2 m, N_SUMS)"""
+    centre: Floats
+    """of each body, as the substep began (b, 3) [m]"""
+    ws: Floats
+    """scratch (N_WORKSPACE,)"""
+    lanes: int
+    """EIGHT, which the compiler does not know here: it would write loops over so few lanes out, number by number"""
+
+
+def new_books(b: int, m: int) -> Books:
+    """Of b bodies in m meetings."""
+    met, sums = np.zeros((m, N_MET)), np.zeros((2 * m, N_SUMS))
+    return Books(np.zeros(b), np.zeros((b, 3)), met, sums, np.zeros((b, 3)), aligned(N_WORKSPACE), EIGHT)
+
+
+@lane_kernel
+def _gather(ws, xw, laid, eight):
+    """Positions and inverse masses of the points and corners of an eight."""
+    for half in range(0, 4 * EIGHT, LANES):
+        at, of = 4 * EIGHT * (half // EIGHT) + half % EIGHT, col.NODE + half
+        transpose_four(
+            *(ws, at, at + EIGHT, at + 2 * EIGHT, at + 3 * EIGHT, xw),
+            *(4 * laid[eight, of], 4 * laid[eight, of + 1], 4 * laid[eight, of + 2], 4 * laid[eight, of + 3]),
+        )
+
+
+@lane_kernel
+def _scatter(ws, xw, laid, eight):
+    """The way back of `_gather`."""
+    for half in range(0, 4 * EIGHT, LANES):
+        at, of = 4 * EIGHT * (half // EIGHT) + half % EIGHT, col.NODE + half
+        transpose_four(
+            *(xw, 4 * laid[eight, of], 4 * laid[eight, of + 1], 4 * laid[eight, of + 2], 4 * laid[eight, of + 3]),
+            *(ws, at, at + EIGHT, at + 2 * EIGHT, at + 3 * EIGHT),
+        )
+
+
+@lane_kernel
+def _load(ws, to, numbers, eight, count):
+    """Numbers of an eight, so many for each row, into the workspace."""
+    for four in range(0, EIGHT * count, LANES):
+        move_four(ws, EIGHT * to + four, numbers, EIGHT * count * eight + four)
+
+
+@lane_kernel
+def _store(ws, of, numbers, eight, count, first, end):
+    """Those from first to end - 1 the way back."""
+    for four in range(EIGHT * first, EIGHT * end, LANES):
+        move_four(numbers, EIGHT * count * eight + four, ws, EIGHT * of + four)
+
+
+@lane_kernel
+def _away(ws, lane, c):
+    """Component c of d."""
+    at = lane + EIGHT * c
+    share = lane + EIGHT * (_SOLVED + col.OF_SHARE)
+    way = ws[at] - ws[share] * ws[at + 4 * EIGHT]
+    return way - ws[share + EIGHT] * ws[at + 8 * EIGHT] - ws[share + 2 * EIGHT] * ws[at + 12 * EIGHT]
+
+
+@lane_kernel
+def _solve(ws, lane, hh):
+    """Eq. (1) for one row: force, point and corners are moved."""
+    row = lane + EIGHT * _SOLVED
+    nx, ny = ws[row + EIGHT * col.OF_NORMAL], ws[row + EIGHT * (col.OF_NORMAL + 1)]
+    nz = ws[row + EIGHT * (col.OF_NORMAL + 2)]
+    fx, fy, fz = ws[row + EIGHT * col.FORCE], ws[row + EIGHT * (col.FORCE + 1)], ws[row + EIGHT * (col.FORCE + 2)]
+    soft, stiff, rub = ws[row + EIGHT * col.OF_SOFT], ws[row + EIGHT * col.STIFF], ws[row + EIGHT * col.OF_RUB]
+    dx, dy, dz = _away(ws, lane, 0), _away(ws, lane, 1), _away(ws, lane, 2)
+    old = max(0.0, fx * nx + fy * ny + fz * nz)
+    p = max(0.0, old - (dx * nx + dy * ny + dz * nz + soft * old) * stiff)
+    tx = fx - (dx - ws[row + EIGHT * col.REST] + soft * fx) * stiff
+    ty = fy - (dy - ws[row + EIGHT * (col.REST + 1)] + soft * fy) * stiff
+    tz = fz - (dz - ws[row + EIGHT * (col.REST + 2)] + soft * fz) * stiff
+    tn = tx * nx + ty * ny + tz * nz
+    tx, ty, tz = tx - tn * nx, ty - tn * ny, tz - tn * nz
+    square, bound = tx * tx + ty * ty + tz * tz, rub * p
+    sticks = square <= bound * bound
+    scale = 1.0 if sticks else bound / np.sqrt(1.0 if sticks else square)
+    gx, gy, gz = p * nx + scale * tx, p * ny + scale * ty, p * nz + scale * tz
+    ws[row + EIGHT * col.FORCE], ws[row + EIGHT * (col.FORCE + 1)], ws[row + EIGHT * (col.FORCE + 2)] = gx, gy, gz
+    gx, gy, gz = gx - fx, gy - fy, gz - fz
+    step = hh * ws[lane + EIGHT * W]
+    ws[lane] += step * gx
+    ws[lane + EIGHT] += step * gy
+    ws[lane + EIGHT * 2] += step * gz
+    step = hh * ws[row + EIGHT * col.OF_SHARE] * ws[lane + EIGHT * (4 + W)]
+    ws[lane + EIGHT * 4] -= step * gx
+    ws[lane + EIGHT * 5] -= step * gy
+    ws[lane + EIGHT * 6] -= step * gz
+    step = hh * ws[row + EIGHT * (col.OF_SHARE + 1)] * ws[lane + EIGHT * (8 + W)]
+    ws[lane + EIGHT * 8] -= step * gx
+    ws[lane + EIGHT * 9] -= step * gy
+    ws[lane + EIGHT * 10] -= step * gz
+    step = hh * ws[row + EIGHT * (col.OF_SHARE + 2)] * ws[lane + EIGHT * (12 + W)]
+    ws[lane + EIGHT * 12] -= step * gx
+    ws[lane + EIGHT * 13] -= step * gy
+    ws[lane + EIGHT * 14] -= step * gz
+
+
+@lane_kernel
+def _feel(ws, lane):
+    """FELT of a row: positive where it is pressed, or was."""
+    row = lane + EIGHT * _SOLVED
+    gap = _away(ws, lane, 0) * ws[row + EIGHT * col.OF_NORMAL]
+    gap += _away(ws, lane, 1) * ws[row + EIGHT * (col.OF_NORMAL + 1)]
+    gap += _away(ws, lane, 2) * ws[row + EIGHT * (col.OF_NORMAL + 2)]
+    fx, fy, fz = ws[row + EIGHT * col.FORCE], ws[row + EIGHT * (col.FORCE + 1)], ws[row + EIGHT * (col.FORCE + 2)]
+    ws[lane + EIGHT * _FELT] = max(0.0, -gap) + abs(fx) + abs(fy) + abs(fz)
+
+
+@batch_kernel
+def _is_open(ws, lanes):
+    """Whether no row of an eight is pressed, or was."""
+    for lane in range(lanes):
+        _feel(ws, lane)
+    felt = 0.0
+    for lane in range(EIGHT):
+        felt += ws[lane + EIGHT * _FELT]
+    return felt == 0.0
+
+
+@batch_kernel
+def _solve_eight(ws, lanes, hh):
+    for lane in range(lanes):
+        _solve(ws, lane, hh)
+
+
+@batch_kernel
+def project_rows(eights, first, end, books, xw, hh):
+    """Solve (1) for the eights first .. end - 1, one after the other; hh is the substep squared [s^2]. xw is moved."""
+    laid, solved, ws, lanes = eights.laid, eights.solved, books.ws, books.lanes
+    for eight in range(first, end):
+        _gather(ws, xw, laid, eight)
+        _load(ws, _SOLVED, solved, eight, col.N_SOLVED)
+        if _is_open(ws, lanes):
+            continue
+        _solve_eight(ws, lanes, hh)
+        _store(ws, _SOLVED, solved, eight, col.N_SOLVED, col.FORCE, col.N_SOLVED)
+        _scatter(ws, xw, laid, eight)
+
+
+@lane_kernel
+def _look(ws, lane):
+    """What a row did in the substep that is over, and BEGAN, AWAY, REST for the next."""
+    row, since, sums = lane + EIGHT * _SOLVED, lane + EIGHT * _SINCE, lane + EIGHT * _SUMS
+    px, py, pz = ws[lane], ws[lane + EIGHT], ws[lane + 2 * EIGHT]
+    dx, dy, dz = _away(ws, lane, 0), _away(ws, lane, 1), _away(ws, lane, 2)
+    fx, fy, fz = ws[row + EIGHT * col.FORCE], ws[row + EIGHT * (col.FORCE + 1)], ws[row + EIGHT * (col.FORCE + 2)]
+    ws[sums], ws[sums + EIGHT], ws[sums + 2 * EIGHT] = fx, fy, fz
+    ws[sums + 3 * EIGHT], ws[sums + 4 * EIGHT] = py * fz - pz * fy, pz * fx - px * fz
+    ws[sums + 5 * EIGHT] = px * fy - py * fx
+    work = fx * (px - ws[since + EIGHT * col.BEGAN]) + fy * (py - ws[since + EIGHT * (col.BEGAN + 1)])
+    ws[sums + 6 * EIGHT] = work + fz * (pz - ws[since + EIGHT * (col.BEGAN + 2)])
+    work = fx * (dx - ws[since + EIGHT * col.AWAY]) + fy * (dy - ws[since + EIGHT * (col.AWAY + 1)])
+    ws[sums + 7 * EIGHT] = work + fz * (dz - ws[since + EIGHT * (col.AWAY + 2)])
+    ws[since + EIGHT * col.BEGAN], ws[since + EIGHT * (col.BEGAN + 1)], ws[since + EIGHT * (col.BEGAN + 2)] = px, py, pz
+    ws[since + EIGHT * col.AWAY], ws[since + EIGHT * (col.AWAY + 1)], ws[since + EIGHT * (col.AWAY + 2)] = dx, dy, dz
+    soft = ws[row + EIGHT * col.OF_SOFT]
+    ws[row + EIGHT * col.REST], ws[row + EIGHT * (col.REST + 1)] = dx + soft * fx, dy + soft * fy
+    ws[row + EIGHT * (col.REST + 2)] = dz + soft * fz
+
+
+@batch_kernel
+def _look_at_eight(ws, lanes):
+    for lane in range(lanes):
+        _look(ws, lane)
+
+
+@batch_kernel
+def look_at_rows(eights, first, end, books, xw):
+    """A substep is over at xw, or the first one begins: what the eights first .. end - 1 did is added to the sums."""
+    laid, solved, since = eights.laid, eights.solved, eights.since
+    ws, lanes, sums = books.ws, books.lanes, books.sums
+    for eight in range(first, end):
+        _gather(ws, xw, laid, eight)
+        _load(ws, _SOLVED, solved, eight, col.N_SOLVED)
+        _load(ws, _SINCE, since, eight, col.N_SINCE)
+        _look_at_eight(ws, lanes)
+        _store(ws, _SOLVED, solved, eight, col.N_SOLVED, col.REST, col.FORCE)
+        _store(ws, _SINCE, since, eight, col.N_SINCE, 0, col.N_SINCE)
+        for lane in range(EIGHT):
+            side, of = laid[eight, col.OF_SIDE + lane], EIGHT * _SUMS + lane
+            for k in range(N_SUMS):
+                sums[side, k] += ws[of + EIGHT * k]
 
 
 @njit(cache=True, error_model="numpy")
-def find_rows(members, n_own, touch, asleep, held, kept, dt):
-    """Rows of a step of dt [s] from where bodies are, but of meetings of which a body is asleep (b,). Guests, whose
-    numbers are n_own and more, have their points in `touch` already; rows with them are for `patches`.
+def account_rows(touch, meetings, books, h):
+    """A substep of h [s] is over: enter what rows did, by their sums, which are 0 then.
 
-    held, kept  forces on points between bodies as the step begins (f, 3) [N], and as it ends: so far of those asleep
+    Force and reaction are on one line, and count about where the body's centre was as the substep began: where sweeps
+    leave a remainder, `turning.give_back` sees to it.
     """
-    first, corners, first_triangle = touch.first, touch.corners, touch.first_triangle
-    for body in range(len(first) - 1):
-        begin, end = first[body], first[body + 1]
-        if begin == end or asleep[body]:
-            continue
-        if body < n_own:
-            x, v = members[body].before.x, members[body].before.v
-            for i in range(begin, end):
-                for c in range(3):
-                    touch.at[i, c] = x[touch.node[i], c]
-                    touch.to[i, c] = touch.at[i, c] + dt * v[touch.node[i], c]
-        _find_way(touch.at[begin:end], touch.to[begin:end], touch.way[body])
-        own = corners[first_triangle[body] : first_triangle[body + 1]]
-        point_normals(touch.to[begin:end], own, touch.out[begin:end])
-    n = 0
-    for meeting in range(len(touch.pair)):
-        touch.start[meeting] = n
-        a, b = touch.pair[meeting, 0], touch.pair[meeting, 1]
-        still = asleep[a] or asleep[b]
-        stand(touch, meeting, held, kept, 1.0 if still else 0.0)
-        if still:
-            continue
-        n = _find_of(touch, meeting, 0, n)
-        n = _find_of(touch, meeting, 1, n)
-    touch.start[len(touch.pair)] = n
-
-
-@njit(cache=True, error_model="numpy")
-def _find_of(touch, meeting, side, n):
-    """Rows of the points of one of the bodies that meet, after n others; returns how many there are then."""
-    own, other = touch.pair[meeting, side], touch.pair[meeting, 1 - side]
-    if touch.presses[meeting, side] == 0.0:
-        return n
-    reach = REACH * min(touch.spacing[own], touch.spacing[other])
-    begin, end, theirs = touch.first[own], touch.first[own + 1], touch.first[other]
-    way = touch.way[own, 3] + touch.way[other, 3]
-    square = 0.0
-    for c in range(3):
-        square += (touch.way[own, c] - touch.way[other, c]) ** 2
-    way += np.sqrt(square)
-    if way <= reach:
-        points, faces, far = touch.to[begin:end], touch.to[theirs : touch.first[other + 1]], reach
-    else:  # where they would come to may be beyond
-        points, faces, far = touch.at[begin:end], touch.at[theirs : touch.first[other + 1]], reach + way
-    low, high, own_low, own_high = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    _bound(faces, far, low, high)
-    _bound(points, far, own_low, own_high)
-    for c in range(3):
-        if low[c] > own_high[c] - far or own_low[c] > high[c] - far:
-            return n
-    near = np.empty(len(points), dtype=np.int64)
-    n_near = 0
-    for i in range(len(points)):
-        inside = True
-        for c in range(3):
-            inside = inside and low[c] <= points[i, c] <= high[c]
-        if inside:
-            near[n_near] = i
-            n_near += 1
-    all_of = touch.corners[touch.first_triangle[other] : touch.first_triangle[other + 1]]
-    some = np.empty((len(all_of), 3), dtype=np.int32)
-    n_some = 0
-    for t in range(len(all_of)):
-        apart = False
-        for c in range(3):
-            p, q, r = faces[all_of[t, 0], c], faces[all_of[t, 1], c], faces[all_of[t, 2], c]
-            apart = apart or min(p, q, r) > own_high[c] or max(p, q, r) < own_low[c]
-        if not apart:
-            for k in range(3):
-                some[n_some, k] = all_of[t, k]
-            n_some += 1
-    if n_near == 0 or n_some == 0:
-        return n
-    tried, out = np.empty((n_near, 3)), np.empty((n_near, 3))
-    for i in range(n_near):
-        for c in range(3):
-            tried[i, c], out[i, c] = points[near[i], c], touch.out[begin + near[i], c]
-    face, beside = np.empty(n_near, dtype=np.int64), np.empty(n_near)
-    share, normal = np.empty((n_near, 3)), np.empty((n_near, 3))
-    nearest_faces(tried, out, faces, some[:n_some], far, face, share, beside, normal)
-    for i in range(n_near):
-        covered = 1.0 - beside[i] / reach
-        if face[i] < 0 or covered <= 0.0:
-            continue
-        point, ints, row = begin + near[i], touch.ints[n], touch.rows[n]
-        ints[OWN], ints[OTHER] = own, other
-        ints[PLACE] = touch.place[meeting, side] + near[i]
-        ints[POINT] = touch.row[own] + touch.node[point]
-        gives = touch.inverse_mass[point]
-        corners = some[face[i]]
-        _project(points[near[i]], faces[corners[0]], faces[corners[1]], faces[corners[2]], share[i])
-        for k in range(3):
-            ints[CORNER + k] = touch.row[other] + touch.node[theirs + corners[k]]
-            gives += share[i, k] ** 2 * touch.inverse_mass[theirs + corners[k]]
-            row[SHARE + k], row[NORMAL + k] = share[i, k], normal[i, k]
-        area = covered * touch.presses[meeting, side] * touch.area[point]
-        row[SOFT] = (touch.yields[own] + touch.yields[other]) / area
-        row[GIVES], row[RUB] = gives, touch.friction[meeting]
-        n += 1
-    return n
-
-
-@njit(cache=True, error_model="numpy")
-def _find_way(at, to, way):
-    """way (4,) <- how far points (n, 3) go from `at` to `to` in the mean, and how far one goes beside that [m]."""
-    way[:] = 0.0
-    for i in range(len(at)):
-        for c in range(3):
-            way[c] += (to[i, c] - at[i, c]) / len(at)
-    for i in range(len(at)):
-        square = 0.0
-        for c in range(3):
-            square += (to[i, c] - at[i, c] - way[c]) ** 2
-        way[3] = max(way[3], np.sqrt(square))
-
-
-@njit(cache=True, error_model="numpy")
-def _project(p, a, b, c, share):
-    """share (3,) <- weights of a triangle's corners in the foot of p on its plane, which may be outside: there force
-    and reaction are on one line."""
-    bb = bc = cc = pb = pc = 0.0
-    for k in range(3):
-        ab, ac, ap = b[k] - a[k], c[k] - a[k], p[k] - a[k]
-        bb, bc, cc, pb, pc = bb + ab * ab, bc + ab * ac, cc + ac * ac, pb + ap * ab, pc + ap * ac
-    size = bb * cc - bc * bc
-    share[1], share[2] = (cc * pb - bc * pc) / size, (bb * pc - bc * pb) / size
-    share[0] = 1.0 - share[1] - share[2]
-
-
-@njit(cache=True, error_model="numpy")
-def _bound(points, reach, low, high):
-    """low, high (3,) <- corners of the box around points (n, 3), farther out by reach [m]."""
-    low[:], high[:] = np.inf, -np.inf
-    for i in range(len(points)):
-        for c in range(3):
-            low[c], high[c] = min(low[c], points[i, c] - reach), max(high[c], points[i, c] + reach)
-
-
-@njit(cache=True, error_model="numpy")
-def find_groups(touch, order, start):
-    """Bodies that rows tie, which step together. Returns how many groups there are.
-
-    order (b,) <- bodies of the first group, of the second ..., ascending in each; start (b + 1,) <- first of each there
-    """
-    parent = np.arange(len(order))
-    tied = np.zeros(len(parent), dtype=np.bool_)
-    for meeting in range(len(touch.pair)):
-        if touch.start[meeting] == touch.start[meeting + 1]:
-            continue
-        a, b = touch.pair[meeting, 0], touch.pair[meeting, 1]
-        tied[a] = tied[b] = True
-        while parent[a] != a:
-            a = parent[a]
-        while parent[b] != b:
-            b = parent[b]
-        parent[max(a, b)] = min(a, b)
-    n, groups = 0, 0
-    for root in range(len(parent)):
-        if not tied[root] or parent[root] != root:
-            continue
-        start[groups] = n
-        groups += 1
-        for body in range(root, len(parent)):
-            top = body
-            while parent[top] != top:
-                top = parent[top]
-            if tied[body] and top == root:
-                order[n] = body
-                n += 1
-    start[groups] = n
-    return groups
-
-
-@njit(cache=True, error_model="numpy")
-def begin_rows(touch, meetings, held, cold):
-    """An attempt at a step begins: rows carry what they did, or nothing where it is cold."""
+    sums, centre = books.sums, books.centre
     for meeting in meetings:
-        for r in range(touch.start[meeting], touch.start[meeting + 1]):
-            place = touch.ints[r, PLACE]
+        for side in range(2):
+            own, other = touch.pair[meeting, side], touch.pair[meeting, 1 - side]
+            row = sums[2 * meeting + side]
             for c in range(3):
-                touch.rows[r, FORCE + c] = 0.0 if cold else held[place, c]
+                j, k = (c + 1) % 3, (c + 2) % 3
+                books.turned[own, c] += h * (row[3 + c] - (centre[own, j] * row[k] - centre[own, k] * row[j]))
+                books.turned[other, c] -= h * (row[3 + c] - (centre[other, j] * row[k] - centre[other, k] * row[j]))
+            books.work[own] += row[6]
+            books.work[other] += row[7] - row[6]
+            books.met[meeting, WORK] += row[7]
+            row[:] = 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def pull_rows(members, touch, meetings):
-    """Add the rows' forces to what blocks pull with, see `substep.carried`."""
+def begin_rows(touch, eights, first, end, now, cold, hh):
+    """An attempt at a step begins, in substeps of hh squared [s^2]: rows carry what they did, or nothing where it is
+    cold."""
+    held, ints, rows = touch.forces[now], touch.ints, touch.rows
+    for eight in range(first, end):
+        solved = eights.solved[eight]
+        for lane in range(EIGHT):
+            r = eights.laid[eight, col.ROW + lane]
+            if r < 0:
+                continue
+            gives = rows[r, GIVES]
+            solved[EIGHT * col.STIFF + lane] = (
+                1.0 / (hh * gives + solved[EIGHT * col.OF_SOFT + lane]) if gives > 0.0 else 0.0
+            )
+            for c in range(3):
+                solved[EIGHT * (col.FORCE + c) + lane] = 0.0 if cold else held[ints[r, PLACE], c]
+
+
+@njit(cache=True, error_model="numpy")
+def pull_rows(members, touch, meetings, now):
+    """Add the forces that rows carry to what blocks pull with, see `substep.carried`."""
+    held = touch.forces[now]
     for meeting in meetings:
+        if touch.visits[meeting]:
+            continue
         for r in range(touch.start[meeting], touch.start[meeting + 1]):
             ints, row = touch.ints[r], touch.rows[r]
-            own, other = ints[OWN], ints[OTHER]
+            side, place = ints[SIDE] % 2, ints[PLACE]
+            own, other = touch.pair[meeting, side], touch.pair[meeting, 1 - side]
             mine, theirs = members[own].scratch.pull, members[other].scratch.pull
             for c in range(3):
-                mine[ints[POINT] - touch.row[own], c] += row[FORCE + c]
+                mine[ints[POINT] - touch.row[own], c] += held[place, c]
                 for k in range(3):
-                    theirs[ints[CORNER + k] - touch.row[other], c] -= row[SHARE + k] * row[FORCE + c]
+                    theirs[ints[CORNER + k] - touch.row[other], c] -= row[k] * held[place, c]
 
 
 @njit(cache=True, error_model="numpy")
-def open_rows(touch, meetings, xw):
-    """A substep begins at xw."""
+def end_rows(touch, eights, first, end, meetings, books, now, lost):
+    """A step is over, or was lost: what is kept of it."""
+    kept = touch.forces[1 - now]
     for meeting in meetings:
-        for r in range(touch.start[meeting], touch.start[meeting + 1]):
-            ints, row = touch.ints[r], touch.rows[r]
-            for c in range(3):
-                row[BEGAN + c] = xw[ints[POINT], c]
-                row[FACED + c] = _on_face(ints, row, xw, c)
-                row[HELD + c] = row[FORCE + c]
-
-
-@njit(cache=True, error_model="numpy", forceinline=True)
-def _on_face(ints, row, xw, c):
-    """A coordinate of the place on the face that is nearest to the point [m]."""
-    at = row[SHARE] * xw[ints[CORNER], c] + row[SHARE + 1] * xw[ints[CORNER + 1], c]
-    return at + row[SHARE + 2] * xw[ints[CORNER + 2], c]
-
-
-@njit(cache=True, error_model="numpy")
-def project_rows(touch, meetings, xw, hh):
-    """Solve (1) for the rows of these, one after the other; hh is the substep squared [s^2]. xw is moved."""
-    for meeting in meetings:
-        for r in range(touch.start[meeting], touch.start[meeting + 1]):
-            ints, row = touch.ints[r], touch.rows[r]
-            if row[GIVES] == 0.0:
+        if lost:  # what diverged stays where it was, and numbers that are none are not carried on
+            stand(touch, meeting, now, 1.0)
+            books.met[meeting, :] = 0.0
+        else:
+            touch.carries[1 - now, meeting] = True
+    if lost:
+        return
+    for eight in range(first, end):
+        solved, since = eights.solved[eight], eights.since[eight]
+        for lane in range(EIGHT):
+            r = eights.laid[eight, col.ROW + lane]
+            if r < 0:
                 continue
-            nx, ny, nz = row[NORMAL], row[NORMAL + 1], row[NORMAL + 2]
-            fx, fy, fz = row[FORCE], row[FORCE + 1], row[FORCE + 2]
-            dx = xw[ints[POINT], 0] - _on_face(ints, row, xw, 0)
-            dy = xw[ints[POINT], 1] - _on_face(ints, row, xw, 1)
-            dz = xw[ints[POINT], 2] - _on_face(ints, row, xw, 2)
-            soft = row[SOFT]
-            stiff = 1.0 / (hh * row[GIVES] + soft)
-            old = max(0.0, fx * nx + fy * ny + fz * nz)
-            p = max(0.0, old - (dx * nx + dy * ny + dz * nz + soft * old) * stiff)
-            tx, ty, tz = 0.0, 0.0, 0.0
-            if p > 0.0 and row[RUB] > 0.0:
-                sx = dx - row[BEGAN] + row[FACED] + soft * (fx - row[HELD])
-                sy = dy - row[BEGAN + 1] + row[FACED + 1] + soft * (fy - row[HELD + 1])
-                sz = dz - row[BEGAN + 2] + row[FACED + 2] + soft * (fz - row[HELD + 2])
-                tx, ty, tz = fx - sx * stiff, fy - sy * stiff, fz - sz * stiff
-                tn = tx * nx + ty * ny + tz * nz
-                tx, ty, tz = tx - tn * nx, ty - tn * ny, tz - tn * nz
-                size, bound = np.sqrt(tx * tx + ty * ty + tz * tz), row[RUB] * p
-                if size > bound:
-                    tx, ty, tz = tx * bound / size, ty * bound / size, tz * bound / size
-            gx, gy, gz = p * nx + tx - fx, p * ny + ty - fy, p * nz + tz - fz
-            row[FORCE], row[FORCE + 1], row[FORCE + 2] = fx + gx, fy + gy, fz + gz
-            _move(xw, ints[POINT], hh, gx, gy, gz)
-            for k in range(3):
-                _move(xw, ints[CORNER + k], -hh * row[SHARE + k], gx, gy, gz)
-
-
-@njit(cache=True, error_model="numpy", forceinline=True)
-def _move(xw, node, factor, x, y, z):
-    step = factor * xw[node, 3]
-    xw[node, 0] += step * x
-    xw[node, 1] += step * y
-    xw[node, 2] += step * z
-
-
-@njit(cache=True, error_model="numpy")
-def account_rows(touch, meeting, xw, centre, h):
-    """Enter what the rows of a meeting did in a substep of h [s] into `work`, `turned` and `met`.
-
-    centre  of each body as the substep began (b, 3) [m]: of implicit Euler that is where its force as a whole acts
-
-    Both bodies turn by what acts at the point, though the place on the face has slid from there: as much is given as is
-    taken, and `turning.give_back` sees to it.
-    """
-    met = touch.met[meeting]
-    met[DEPTH] = met[LARGEST] = 0.0
-    for r in range(touch.start[meeting], touch.start[meeting + 1]):
-        ints, row = touch.ints[r], touch.rows[r]
-        own, other = ints[OWN], ints[OTHER]
-        depth, square = 0.0, 0.0
-        for c in range(3):
-            j, k = (c + 1) % 3, (c + 2) % 3
-            f, fj, fk = row[FORCE + c], row[FORCE + j], row[FORCE + k]
-            square += f * f
-            depth -= row[NORMAL + c] * (xw[ints[POINT], c] - _on_face(ints, row, xw, c))
-            mine = f * (xw[ints[POINT], c] - row[BEGAN + c])
-            theirs = -f * (_on_face(ints, row, xw, c) - row[FACED + c])
-            touch.work[own] += mine
-            touch.work[other] += theirs
-            met[WORK] += mine + theirs
-            at_j, at_k = xw[ints[POINT], j] - centre[own, j], xw[ints[POINT], k] - centre[own, k]
-            touch.turned[own, c] += h * (at_j * fk - at_k * fj)
-            at_j, at_k = xw[ints[POINT], j] - centre[other, j], xw[ints[POINT], k] - centre[other, k]
-            touch.turned[other, c] -= h * (at_j * fk - at_k * fj)
-        met[DEPTH], met[LARGEST] = max(met[DEPTH], depth), max(met[LARGEST], np.sqrt(square))
-
-
-@njit(cache=True, error_model="numpy")
-def stand(touch, meeting, held, kept, share):
-    """kept (f, 3) [N] <- share of the forces on the points of a meeting that were held."""
-    for side in range(2):
-        begin, own = touch.place[meeting, side], touch.pair[meeting, side]
-        for i in range(begin, begin + touch.first[own + 1] - touch.first[own]):
+            depth, square, met = 0.0, 0.0, books.met[touch.ints[r, SIDE] // 2]
             for c in range(3):
-                kept[i, c] = share * held[i, c]
-
-
-@njit(cache=True, error_model="numpy")
-def keep_rows(touch, meeting, kept):
-    """kept (f, 3) [N] <- forces on points, as the rows of a meeting have them."""
-    for r in range(touch.start[meeting], touch.start[meeting + 1]):
-        for c in range(3):
-            kept[touch.ints[r, PLACE], c] = touch.rows[r, FORCE + c]
+                f = solved[EIGHT * (col.FORCE + c) + lane]
+                square += f * f
+                depth -= solved[EIGHT * (col.OF_NORMAL + c) + lane] * since[EIGHT * (col.AWAY + c) + lane]
+                kept[touch.ints[r, PLACE], c] = f
+            met[DEPTH], met[LARGEST] = max(met[DEPTH], depth), max(met[LARGEST], np.sqrt(square))

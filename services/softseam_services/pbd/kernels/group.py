@@ -9,7 +9,7 @@ import numpy as np
 
 from softseam_services.jit import njit
 
-from .between import account_rows, begin_rows, keep_rows, open_rows, project_rows, pull_rows, stand
+from .between import account_rows, begin_rows, end_rows, look_at_rows, project_rows, pull_rows
 from .contact import account_pairs, project_contacts
 from .damping import damping_share
 from .guests import begin_guests, end_guests, place_guests, project_patches, push_guests
@@ -35,12 +35,6 @@ ALONE = 8
 
 
 @njit(cache=True, error_model="numpy")
-def _share(member, h, n_sweeps):
-    """`damping_share` of a body."""
-    return damping_share(member.parameters.stiffness_time, member.parameters.lag, h, n_sweeps)
-
-
-@njit(cache=True, error_model="numpy")
 def _find_centre(member, xw, first, centre):
     """centre (3,) <- of the body whose nodes are rows of xw from `first` on [m]."""
     mass, total = member.parameters.mass, 0.0
@@ -54,47 +48,88 @@ def _find_centre(member, xw, first, centre):
 
 
 @njit(cache=True, error_model="numpy")
-def _substep(members, group, touch, patches, guests, xw, centre, inputs, dt, n_substeps, n_sweeps, substep, team, ws):
-    """A substep of bodies that meet."""
-    bodies, which, meetings, visits = group
+def _open(one, body, touch, books, xw, inputs, dt, n_substeps, n_sweeps, substep, team, ws):
+    """A substep of a body begins, until rows are to be solved."""
     h = dt / n_substeps
-    open_rows(touch, meetings, xw)
-    open_patches(patches, visits, xw, guests)
-    place_guests(guests, which, patches, visits, substep, n_substeps)
-    for body in bodies:
-        one = members[body]
-        _find_centre(one, xw, touch.row[body], centre[body])
-        open_substep(one.model, one.parameters, one.after, inputs, one.scratch, dt, h, substep, n_substeps)
-        share = _share(one, h, n_sweeps)
-        predict_all(one.model, one.parameters, one.after, one.scratch, h, share, team, 0, 0, 0, ws)
-    for round_ in range(n_sweeps + 1):
-        for body in bodies:
-            one = members[body]
-            sweep_round(
-                *(one.model, one.parameters, one.after.stress, one.scratch, round_, _share(one, h, n_sweeps), h),
-                *(one.all, 0, team, 0, 0, ws),
-            )
-        project_rows(touch, meetings, xw, h * h)
-        project_patches(patches, visits, xw, h * h, guests, n_substeps)
-        for body in bodies:
-            one = members[body]
-            project_contacts(one.model, one.parameters, one.scratch.contacts, one.scratch.xw, h * h, True)
-            if round_ < n_sweeps:
-                soften_held_blocks(one.model, one.parameters, one.scratch.contacts, one.scratch.softness)
-    for body in bodies:
-        one = members[body]
-        share = _share(one, h, n_sweeps)
-        if share > 0.0:
-            end_together(one.model, one.after.stress, one.scratch, share, 0, team, 0, 0)
-        finish_all(one.after, one.scratch, h, team, 0, 0, 0)
-        account_pairs(one.model, one.parameters, one.scratch.contacts, one.scratch.xw, 1.0 / n_substeps)
-    push_guests(guests, which, patches, visits)
+    share = damping_share(one.parameters.stiffness_time, one.parameters.lag, h, n_sweeps)
+    _find_centre(one, xw, touch.row[body], books.centre[body])
+    open_substep(one.model, one.parameters, one.after, inputs, one.scratch, dt, h, substep, n_substeps)
+    predict_all(one.model, one.parameters, one.after, one.scratch, h, share, team, 0, 0, 0, ws)
+    _sweep(one, 0, share, h, team, ws)
 
 
 @njit(cache=True, error_model="numpy")
-def _attempt(members, group, touch, held, patches, guests, xw, centre, inputs, number, dt, team, ws, notes):
+def _sweep(one, round_, share, h, team, ws):
+    model, parameters, stress, scratch = one.model, one.parameters, one.after.stress, one.scratch
+    sweep_round(model, parameters, stress, scratch, round_, share, h, one.all, 0, team, 0, 0, ws)
+
+
+@njit(cache=True, error_model="numpy")
+def _close(one, share, h, n_substeps, team):
+    """A substep of a body is over."""
+    if share > 0.0:
+        end_together(one.model, one.after.stress, one.scratch, share, 0, team, 0, 0)
+    finish_all(one.after, one.scratch, h, team, 0, 0, 0)
+    account_pairs(one.model, one.parameters, one.scratch.contacts, one.scratch.xw, 1.0 / n_substeps)
+
+
+@njit(cache=True, error_model="numpy")
+def _open_visits(group, visits, xw, substep, n_substeps):
+    """A substep of guests begins."""
+    patches, guests = visits
+    open_patches(patches, group[1], xw, guests)
+    place_guests(guests, group[4], patches, group[1], substep, n_substeps)
+
+
+@njit(cache=True, error_model="numpy")
+def _close_visits(group, visits, books, xw, h, n_substeps):
+    """And is over."""
+    patches, guests = visits
+    push_guests(guests, group[4], patches, group[1])
+    for meeting in group[1]:
+        account_patches(books, patches, meeting, xw, guests, h, n_substeps)
+
+
+@njit(cache=True, error_model="numpy")
+def _substeps(members, group, touch, eights, visits, books, xw, inputs, dt, n_substeps, n_sweeps, team, ws):
+    """All substeps of bodies that meet. What is a body's own between two solves of the rows comes at one go, while its
+    numbers are in the cache: those of many bodies are not."""
+    bodies, meetings, first, end, _ = group
+    patches, guests = visits
+    h = dt / n_substeps
+    _open_visits(group, visits, xw, 0, n_substeps)
+    for body in bodies:
+        _open(members[body], body, touch, books, xw, inputs, dt, n_substeps, n_sweeps, 0, team, ws)
+    for substep in range(n_substeps):
+        for round_ in range(n_sweeps + 1):
+            project_rows(eights, first, end, books, xw, h * h)
+            project_patches(patches, meetings, xw, h * h, guests, n_substeps)
+            for body in bodies:
+                one = members[body]
+                contacts = one.scratch.contacts
+                project_contacts(one.model, one.parameters, contacts, one.scratch.xw, h * h, True)
+                if round_ < n_sweeps:
+                    share = damping_share(one.parameters.stiffness_time, one.parameters.lag, h, n_sweeps)
+                    soften_held_blocks(one.model, one.parameters, contacts, one.scratch.softness)
+                    _sweep(one, round_ + 1, share, h, team, ws)
+        look_at_rows(eights, first, end, books, xw)
+        account_rows(touch, meetings, books, h)
+        _close_visits(group, visits, books, xw, h, n_substeps)
+        if substep + 1 < n_substeps:
+            _open_visits(group, visits, xw, substep + 1, n_substeps)
+        for body in bodies:
+            one = members[body]
+            share = damping_share(one.parameters.stiffness_time, one.parameters.lag, h, n_sweeps)
+            _close(one, share, h, n_substeps, team)
+            if substep + 1 < n_substeps:
+                _open(one, body, touch, books, xw, inputs, dt, n_substeps, n_sweeps, substep + 1, team, ws)
+
+
+@njit(cache=True, error_model="numpy")
+def _attempt(members, group, touch, eights, visits, now, books, xw, inputs, number, dt, team, ws, notes):
     """One attempt at a step of bodies that touch."""
-    bodies, which, meetings, visits = group
+    bodies, meetings, first, end, which = group
+    patches, guests = visits
     n_substeps, n_sweeps = (1, 0) if len(bodies) else (ALONE, ALONE)
     for body in bodies:
         begin_attempt(members[body], inputs, number, dt)
@@ -103,58 +138,51 @@ def _attempt(members, group, touch, held, patches, guests, xw, centre, inputs, n
     h = dt / n_substeps
     for body in bodies:
         one = members[body]
-        touch.work[body] = 0.0
-        for c in range(3):
-            touch.turned[body, c] = 0.0
         open_step(one.model, one.parameters, one.after, inputs, one.scratch, dt, h)
         pull_blocks(one.model, one.parameters, one.after, one.scratch, one.all, team, 0, 0, 0, ws)
-    begin_rows(touch, meetings, held, number >= COLD)
-    pull_rows(members, touch, meetings)
-    begin_patches(patches, visits, held, number >= COLD)
-    pull_patches(members, touch, patches, visits)
-    begin_guests(guests, which, patches, visits, n_substeps)
-    for meeting in meetings:
-        touch.met[meeting, :] = 0.0
-    for meeting in visits:
-        touch.met[meeting, :] = 0.0
+    begin_rows(touch, eights, first, end, now, number >= COLD, h * h)
+    if number < COLD:
+        pull_rows(members, touch, meetings, now)
+    begin_patches(patches, meetings, touch.forces[now], number >= COLD)
+    pull_patches(members, touch, patches, meetings)
+    begin_guests(guests, which, patches, meetings, n_substeps)
     for body in bodies:
         one = members[body]
         carried(one.model, one.parameters, one.after, one.scratch.xw, one.scratch.pull)
-    for substep in range(n_substeps):
-        _substep(
-            *(members, group, touch, patches, guests, xw, centre, inputs, dt, n_substeps, n_sweeps, substep, team, ws),
-        )
-        for meeting in meetings:
-            account_rows(touch, meeting, xw, centre, h)
-        for meeting in visits:
-            account_patches(touch, patches, meeting, xw, guests, centre, h, n_substeps)
+    look_at_rows(eights, first, end, books, xw)
+    _clear(books, bodies, meetings)
+    _substeps(members, group, touch, eights, visits, books, xw, inputs, dt, n_substeps, n_sweeps, team, ws)
+    end_guests(guests, which, n_substeps, False)
     for body in bodies:
         one = members[body]
-        share = _share(one, h, n_sweeps)
+        share = damping_share(one.parameters.stiffness_time, one.parameters.lag, h, n_sweeps)
         look_at_blocks(one.model, one.parameters, one.after, one.scratch, share, team, 0, 0, 0, ws)
         close_step(one.model, one.parameters, one.after, inputs, one.scratch, one.outputs, n_substeps, 0.0)
-        one.outputs.result[SEAM_WORK] = touch.work[body]
-        end_attempt(one, number, dt, n_substeps, n_sweeps, touch.turned[body], notes[body])
-    end_guests(guests, which, n_substeps, False)
+        one.outputs.result[SEAM_WORK] = books.work[body]
+        end_attempt(one, number, dt, n_substeps, n_sweeps, books.turned[body], notes[body])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def advance_group(members, group, touch, held, kept, patches, guests, xw, centre, inputs, dt, team, ws, notes):
-    """A step of dt [s] of bodies that touch, from their `before` into their `after`, tried until all are believed.
+@njit(cache=True, error_model="numpy")
+def _clear(books, bodies, meetings):
+    """No substep is over yet."""
+    for body in bodies:
+        books.work[body] = 0.0
+        books.turned[body, :] = 0.0
+    for meeting in meetings:
+        books.met[meeting, :] = 0.0
+        books.sums[2 * meeting : 2 * meeting + 2, :] = 0.0
 
-    group       numbers of bodies, of guests that touch them, of meetings between bodies, and of those with guests, each
-                ascending
-    held, kept  forces on points between bodies as the step begins, and as it ends (f, 3) [N]
-    xw          positions and inverse masses of all bodies of the pile
-    centre      scratch (b, 3)
-    notes       of each body (b, N_NOTES), overwritten for these
-    """
-    bodies, which, meetings, visits = group
+
+@njit(cache=True, error_model="numpy")
+def _advance(members, group, touch, eights, visits, now, books, xw, inputs, dt, team, ws, notes):
+    """A step of bodies that touch, tried until all are believed."""
+    bodies, meetings, first, end, which = group
+    patches, guests = visits
     for body in bodies:
         notes[body, :] = 0
     causes = np.full(len(bodies), NONE)
     for number in range(RETRIES + 1):
-        _attempt(members, group, touch, held, patches, guests, xw, centre, inputs, number, dt, team, ws, notes)
+        _attempt(members, group, touch, eights, visits, now, books, xw, inputs, number, dt, team, ws, notes)
         again = False
         for i in range(len(bodies)):
             body = bodies[i]
@@ -168,17 +196,30 @@ def advance_group(members, group, touch, held, kept, patches, guests, xw, centre
     for body in bodies:
         keep_figures(members[body], notes[body])
         lost = lost or notes[body, FAULT] == DIVERGED
-    for meeting in meetings:
-        if lost:  # what diverged stays where it was, and numbers that are none are not carried on
-            stand(touch, meeting, held, kept, 1.0)
-            touch.met[meeting, :] = 0.0
-        else:
-            keep_rows(touch, meeting, kept)
-    for meeting in visits:
-        if lost:
-            stand(touch, meeting, held, kept, 1.0)
-            touch.met[meeting, :] = 0.0
-        else:
-            keep_patches(patches, meeting, kept)
+    end_rows(touch, eights, first, end, meetings, books, now, lost)
     if lost:
         end_guests(guests, which, 1, True)
+        return
+    for meeting in meetings:
+        keep_patches(patches, meeting, touch.forces[1 - now])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def advance_touching(
+    members, n_groups, groups, touch, eights, now, books, patches, guests, xw, inputs, dt, team, ws, notes
+):
+    """A step of dt [s] of the bodies of all groups, from their `before` into their `after`, group after group.
+
+    groups, eights  so many groups, of the rows in `touch`; guests are among their bodies, and meet them by patches
+    now             which of the forces between bodies the step begins with; the others are what it ends with
+    xw              positions and inverse masses of all bodies of the pile
+    notes           of each body (b, N_NOTES), overwritten for these
+    """
+    for at in range(n_groups):
+        bodies = groups.bodies[groups.first_body[at] : groups.first_body[at + 1]]
+        meetings = groups.meetings[groups.first_meeting[at] : groups.first_meeting[at + 1]]
+        n_own = np.searchsorted(bodies, guests.n_own[0])
+        which = bodies[n_own:] - guests.n_own[0]
+        group = bodies[:n_own], meetings, groups.first_eight[at], groups.first_eight[at + 1], which
+        visits = patches, guests
+        _advance(members, group, touch, eights, visits, now, books, xw, inputs, dt, team, ws, notes)

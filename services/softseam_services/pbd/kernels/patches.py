@@ -17,9 +17,10 @@ import numpy as np
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import njit, record
 
-from .between import CORNER, DEPTH, LARGEST, OWN, POINT, SHARE, WORK
-from .between import NORMAL as FACING
-from .between import SOFT as SOFTNESS
+from .between import DEPTH, LARGEST, WORK
+from .touch import CORNER, POINT, SHARE, SIDE
+from .touch import NORMAL as FACING
+from .touch import SOFT as SOFTNESS
 
 BODY, FIRST, END, PLACE, SLOT, GUEST, GUEST_SLOT = range(7)
 N_INTS = 7
@@ -71,8 +72,8 @@ def gather_patches(touch, patches, n_own, target, part):
     for meeting in range(len(touch.pair)):
         patches.start[meeting] = n
         begin, end = touch.start[meeting], touch.start[meeting + 1]
-        first, second = touch.pair[meeting, 0], touch.pair[meeting, 1]
-        if begin == end or (first < n_own and second < n_own):
+        first = touch.pair[meeting, 0]
+        if begin == end or not touch.visits[meeting]:
             continue
         side = 1 if first >= n_own else 0  # of the one that patches press on, of the pile where one is
         one, guest = touch.pair[meeting, side], touch.pair[meeting, 1 - side]
@@ -133,7 +134,7 @@ def _enter(patches, entry, guest, point, weight):
 def _gather(touch, patches, r, one, n_own, target, part, yields, area, normal, of_one, of_guest):
     """Add a point and its foot to the patches that it belongs to, of whose two bodies `one` has the nodes."""
     ints, row = touch.ints[r], touch.rows[r]
-    own, point = ints[OWN], touch.number[ints[POINT]]
+    own, point = touch.pair[ints[SIDE] // 2, ints[SIDE] % 2], touch.number[ints[POINT]]
     a, sign = yields / row[SOFTNESS], 1.0 if own == one else -1.0
     foot, share = np.empty(4, dtype=np.int32), np.zeros(4)
     for k in range(3):
@@ -234,10 +235,12 @@ def open_patches(patches, meetings, xw, guests):
 
 
 @njit(cache=True, error_model="numpy")
-def account_patches(touch, patches, meeting, xw, guests, centre, h, n_substeps):
-    """Enter what the patches of a meeting did in a substep of h [s] into `work`, `turned` and `met`, and `moment` of
-    guests, see `between.account_rows`."""
-    met = touch.met[meeting]
+def account_patches(books, patches, meeting, xw, guests, h, n_substeps):
+    """Enter what the patches of a meeting did in a substep of h [s] into the books, and `moment` of guests, see
+    `between.account_rows`."""
+    met, centre = books.met[meeting], books.centre
+    if patches.start[meeting] == patches.start[meeting + 1]:
+        return
     met[DEPTH] = met[LARGEST] = 0.0
     at = np.empty(3)
     for r in range(patches.start[meeting], patches.start[meeting + 1]):
@@ -250,8 +253,8 @@ def account_patches(touch, patches, meeting, xw, guests, centre, h, n_substeps):
             square += f * f
             depth -= row[NORMAL + c] * (at[c] - theirs)
             mine, other = f * (at[c] - patches.began[r, 0, c]), -f * (theirs - patches.began[r, 1, c])
-            touch.work[ints[BODY]] += mine
-            touch.work[guests.n_own[0] + ints[GUEST]] += other
+            books.work[ints[BODY]] += mine
+            books.work[guests.n_own[0] + ints[GUEST]] += other
             met[WORK] += mine + other
         for c in range(3):
             j, k = (c + 1) % 3, (c + 2) % 3
@@ -261,7 +264,7 @@ def account_patches(touch, patches, meeting, xw, guests, centre, h, n_substeps):
                 guests.moment[ints[BODY] - guests.n_own[0], c] += turned / n_substeps
             else:
                 j_arm, k_arm = at[j] - centre[ints[BODY], j], at[k] - centre[ints[BODY], k]
-                touch.turned[ints[BODY], c] += h * (j_arm * row[FORCE + k] - k_arm * row[FORCE + j])
+                books.turned[ints[BODY], c] += h * (j_arm * row[FORCE + k] - k_arm * row[FORCE + j])
         met[DEPTH], met[LARGEST] = max(met[DEPTH], depth), max(met[LARGEST], np.sqrt(square))
 
 
