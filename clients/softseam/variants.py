@@ -8,7 +8,7 @@ from softseam.errors import BadInput, SceneRefused, not_among
 from softseam_protocol.models import MODELS, taking
 from softseam_protocol.scene import marked_yaml
 from softseam_protocol.scene.bodies import AnyBody, block_of
-from softseam_protocol.scene.file import SceneError, scene_from_document, scene_json
+from softseam_protocol.scene.file import SceneError, scene_as_written, scene_from_document
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
 
@@ -95,7 +95,7 @@ def changed(scene: Scene, settings: Sequence[str]) -> Scene:
     """As `with_settings`, which says what to change on the command line. Raises BadInput, and SceneError."""
     if not settings:
         return scene
-    document = json.loads(scene_json(scene))
+    document = scene_as_written(scene)
     for setting in settings:
         path, equals, text = setting.partition("=")
         keys = [key.strip() for key in path.split(".")]

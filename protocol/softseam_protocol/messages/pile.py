@@ -37,6 +37,12 @@ class Met:
     """largest on a point [N]"""
     work: float
     """on both bodies [J]"""
+    force_x: float = 0.0
+    """of all points on the first body, the mean of the step [N]"""
+    force_y: float = 0.0
+    force_z: float = 0.0
+    contact: Count = 0
+    """its place among those between bodies of the pile, in the order of the scene's interfaces"""
 
 
 @message
@@ -69,7 +75,7 @@ class Members:
     notes: list[Note] = field(default_factory=list)
     """of those of whose step there is something to say"""
     met: list[Met] = field(default_factory=list)
-    """of each contact between bodies of the pile, in the order of the scene's interfaces"""
+    """of each contact between bodies of the pile that came near enough to touch, ascending"""
     interface_work: Scalars = field(default_factory=lambda: np.zeros(0))
     """of other bodies of the pile on each (b,) [J]"""
 

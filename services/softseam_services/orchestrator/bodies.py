@@ -5,7 +5,7 @@ A step of theirs is a recipe: wake, climb, advance every island, and once it is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 
@@ -23,6 +23,7 @@ from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.islands import advance_all
 from softseam_services.orchestrator.joined_bodies import Between, JoinedBodies, interfaces_of, joints_of
 from softseam_services.orchestrator.ladder import Ladder
+from softseam_services.orchestrator.overlaps import Overlaps
 from softseam_services.orchestrator.participants import Participants
 from softseam_services.orchestrator.parts import resting_state
 from softseam_services.orchestrator.pile import MemberTransport, Pile, piles_of
@@ -69,9 +70,11 @@ class Bodies:
             for name, body in scene.bodies.items()
             if body.said("ladder", ())
         }
-        piled = piles_of(setups, scene.interfaces, self._ladders)
+        interfaces = scene.interfaces
+        self._order = {name: place for place, name in enumerate(interfaces)}
+        piled = piles_of(setups, interfaces, self._ladders)
         self._piles = {model: self._pile(model, names) for model, names in piled.items()}
-        within = [name for pile in self._piles.values() for name in pile.contacts]
+        within = {name for pile in self._piles.values() for name in pile.contact_names}
         self._interfaces = interfaces_of(scene, setups, within)
         self.named = {
             name: self._ladders[name].begin() if name in self._ladders else self._simulated(name, bundle, setup)
@@ -90,7 +93,9 @@ class Bodies:
             for name in pile.names:
                 del self._lone[name]
         mass, tools = {name: setup.body.total_mass for name, setup in setups.items()}, next(iter(setups.values())).tools
-        islands = islands_of(self.named, (interface.between for interface in scene.interfaces.values()))
+        self.overlaps = _overlaps(scene, [each.between for each in interfaces.values()], report)
+        """those that pass through one another; None where they are meant to, or cannot"""
+        islands = islands_of(self.named, (interface.between for interface in interfaces.values()))
         self._sleeping = Sleeping(scene.sleep, islands, mass, tools, self._woke)
 
     def _simulated(self, name: str, bundle: Bundle, setup: Setup) -> SimulatedBody:
@@ -246,11 +251,15 @@ class Bodies:
 
     @property
     def interface_reports(self) -> dict[str, InterfaceReport]:
-        """Of the last step, by interface between bodies, in the scene's order."""
+        """Of the last step, by interface between bodies, in the scene's order: of those that it writes, and of others
+        that pressed."""
         found = {name: report for island in self._joined for name, report in island.reports.items()}
         for pile in self.piles:
             found |= pile.interfaces
-        return {name: found[name] for name in self._scene.interfaces if name in found}
+        for name in self._scene.joints.keys() - found.keys():
+            found[name] = InterfaceReport(0.0, 0, 0, 0.0, 0.0)
+        names = sorted(found, key=self._order.__getitem__)
+        return {name: found[name] for name in names if name in self._scene.joints or any(found[name].total)}
 
     # ---- snapshots
 
@@ -300,6 +309,12 @@ class Bodies:
     def _standing(self, saved: Arrays) -> dict[str, SimulatedBody]:
         """The bodies on the rungs that were saved."""
         return self.named | {name: ladder.body(_rung(saved, name)) for name, ladder in self._ladders.items()}
+
+
+def _overlaps(scene: Scene, joined: Iterable[tuple[str, str]], report: Tell) -> Overlaps | None:
+    if len(scene.bodies) == 1 or scene.contacts == "none":
+        return None
+    return Overlaps(tuple(scene.bodies), joined, report)
 
 
 def _rung(saved: Arrays, body: str) -> int:

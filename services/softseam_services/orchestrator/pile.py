@@ -52,8 +52,9 @@ class Pile:
     ) -> None:
         self.names, self.part = tuple(names), within("pile", model)
         """of its bodies, in their order; id of the part that they are"""
-        self.contacts = tuple(contacts_among(names, scene.interfaces))
-        """names of the interfaces between its bodies"""
+        found = contacts_among(names, scene.interfaces)
+        self.contact_names, self.contacts = tuple(found), tuple(found.values())
+        """of the interfaces between its bodies; these"""
         self._place = {name: place for place, name in enumerate(names)}
         self._alone = Parts(self.part, {self.part: model}, {self.part: _NONE}, {self.part: n_nodes}, _NONE)
         self._asked_through = _ByBody(transport, names)

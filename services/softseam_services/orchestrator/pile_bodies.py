@@ -63,7 +63,6 @@ class PileBodies:
         self._step = Members(
             *(none, none, none, none, none, flat, flat, none, none, none, ids, ids, ids),
             *(np.zeros((b, t, 6)), flat, flat),
-            met=[Met(0, 0.0, 0.0, 0.0) for _ in self.pile.contacts],
             interface_work=none,
         )
         self._header = Header(SCHEMA_VERSION, "", self.pile.part, 0, 0, 0, 0.0)
@@ -117,8 +116,14 @@ class PileBodies:
                 assert reply.members is not None
                 array[self._awake] = getattr(reply.members, name)
         said = None if reply is None else reply.members
-        still = [replace(each, work=0.0) for each in self._step.met]
-        self._step = replace(step, met=still) if said is None else replace(step, notes=said.notes, met=said.met)
+        still = [replace(each, work=0.0) for each in self._step.met if said is None or self._rests(each, asleep)]
+        if said is not None:
+            still = sorted([*still, *said.met], key=lambda each: each.contact)
+        self._step = replace(step, met=still, notes=[] if said is None else said.notes)
+
+    def _rests(self, met: Met, asleep: NDArray[np.bool_]) -> bool:
+        """Whether one of two bodies in contact is asleep: then the force that holds them stays."""
+        return any(asleep[self.pile.place(name)] for name in self.pile.contacts[met.contact].between)
 
     def stand(self, name: str, reply: Advanced) -> None:
         """A body sleeps, as it stood when it fell asleep."""
@@ -174,9 +179,10 @@ class PileBodies:
 
     @property
     def interfaces(self) -> dict[str, InterfaceReport]:
-        """Of the last step, by contact between its bodies; of those asleep, as it was when they fell asleep."""
-        met = zip(self.pile.contacts, self._step.met, strict=True)
-        return {name: InterfaceReport(each.depth, 0, each.n_points, each.force, each.work) for name, each in met}
+        """Of the last step, by contact between its bodies: of those that came near enough, and those asleep as it was
+        when they fell asleep."""
+        names = self.pile.contact_names
+        return {names[each.contact]: _report(each) for each in self._step.met}
 
     def measure(
         self, position: Floats, orientation: Floats, frames: Mapping[str, Frame], lifting: bool
@@ -267,3 +273,8 @@ class PileBodies:
 
     def _tell(self, place: int, kind: str, message: str) -> None:
         self._bodies[place].report(kind, message)
+
+
+def _report(met: Met) -> InterfaceReport:
+    total = met.force_x, met.force_y, met.force_z
+    return InterfaceReport(met.depth, 0, met.n_points, met.force, met.work, *total)

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from softseam_coupling.interfaces import Faces
 from softseam_protocol.messages.pile import Met
+from softseam_protocol.scene.interfaces import written_key
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.contact_faces import faces_of
 from softseam_services.body.errors import SettingError
 from softseam_services.jit import Rows
 
-from .kernels.between import N_INTS, N_MET, N_NUMBERS, Touch, find_groups, find_rows
+from .kernels.between import IMPULSE, N_INTS, N_MET, N_NUMBERS, Touch, find_groups, find_rows
 from .pile_pieces import Piece, Pieces
 
 Mask = NDArray[np.bool_]
@@ -72,7 +73,7 @@ class Between:
         )
         self.forces: tuple[Floats, Floats] = np.zeros((self._ends[-1], 3)), np.zeros((self._ends[-1], 3))
         """on points, see `Touch.place`, as the committed step left them, and as the tentative one does [N]"""
-        self.centre = np.zeros((b, 3))
+        self.centre, self._dt = np.zeros((b, 3)), 1.0
         self._own = [np.flatnonzero(pair.ravel() == number) for number in range(b)]
 
     def find(self, members: Rows, asleep: Mask, now: int, dt: float) -> list[tuple[Numbers, Numbers]]:
@@ -80,7 +81,7 @@ class Between:
 
         now  which of `forces` the step begins with
         """
-        touch, b = self.touch, len(asleep)
+        touch, b, self._dt = self.touch, len(asleep), dt
         if not len(touch.pair):
             return []
         find_rows(members, touch, asleep, self.forces[now], self.forces[1 - now], dt)
@@ -92,10 +93,13 @@ class Between:
 
     @property
     def met(self) -> list[Met]:
-        """What the contacts did in the last step."""
+        """What the contacts did in the last step that had points near enough."""
         counts = np.diff(self.touch.start)
-        figures = np.where(counts[:, None] > 0, self.touch.met, 0.0).tolist()
-        return [Met(count, *each) for count, each in zip(counts.tolist(), figures, strict=True)]
+        places = np.flatnonzero(counts)
+        figures = self.touch.met[places]
+        figures[:, IMPULSE:] /= self._dt
+        rows = zip(counts[places].tolist(), figures.tolist(), places.tolist(), strict=True)
+        return [Met(count, *each, contact=place) for count, each, place in rows]
 
     def size_of(self, number: int) -> int:
         """Of `of_body`."""
@@ -124,12 +128,12 @@ def _faces(name: str, piece: Piece) -> Faces:
     """The surface of a body that an interface of this name meets. Raises SettingError."""
     found = faces_of(piece.body)
     if found is None:
-        raise SettingError(f"interfaces.{name}: contact meets no surface that runs through cells yet: take blocks")
+        raise SettingError(f"{written_key(name)}: contact meets no surface that runs through cells yet: take blocks")
     if piece.apart or piece.parameters.arrays.tolerance > 0.0:
         raise SettingError(
-            f"interfaces.{name}: bodies that touch are advanced by sweeps that are as many in all of them: leave out "
+            f"{written_key(name)}: bodies that touch are advanced by sweeps that are as many in all of them: leave out "
             "models.pbd.residual, method: leapfrog, and materials with a state of their own"
         )
     if len(piece.model.arrays.hanging.node):
-        raise SettingError(f"interfaces.{name}: contact meets no cells of two sizes yet: leave out models.pbd.coarse")
+        raise SettingError(f"{written_key(name)}: contact meets no cells of two sizes yet: leave out models.pbd.coarse")
     return found

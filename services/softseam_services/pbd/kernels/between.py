@@ -32,10 +32,10 @@ N_NUMBERS = 21
 """of a row: s (3,), n (3,), alpha [m/N], c/h^2 [1/kg], mu, f and t_0 (3,) [N], where the point and the place on the
 face were as the substep began (3,) [m]"""
 
-DEPTH, LARGEST, WORK = 0, 1, 2
-N_MET = 3
-"""of a meeting in a step: how deep points are inside the other body at its end [m], the largest force on one [N], and
-work on both bodies [J]"""
+DEPTH, LARGEST, WORK, IMPULSE = 0, 1, 2, 3
+N_MET = 6
+"""of a meeting in a step: how deep points are inside the other body at its end [m], the largest force on one [N], work
+on both bodies [J], and the impulse on the first (3,) [N s]"""
 
 
 @record
@@ -368,6 +368,7 @@ def account_rows(touch, meeting, xw, centre, h):
             j, k = (c + 1) % 3, (c + 2) % 3
             f, fj, fk = row[FORCE + c], row[FORCE + j], row[FORCE + k]
             square += f * f
+            met[IMPULSE + c] += h * f if own == touch.pair[meeting, 0] else -h * f
             depth -= row[NORMAL + c] * (xw[ints[POINT], c] - _on_face(ints, row, xw, c))
             mine = f * (xw[ints[POINT], c] - row[BEGAN + c])
             theirs = -f * (_on_face(ints, row, xw, c) - row[FACED + c])
