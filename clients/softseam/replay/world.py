@@ -16,7 +16,7 @@ from softseam_protocol.messages.session import Frame
 
 Floats = NDArray[np.float64]
 
-_ARROW = 0.24
+ARROW = 0.24
 """length of the longest arrow of a run, in body extents"""
 
 
@@ -67,7 +67,8 @@ def log_tools(stream: rr.RecordingStream, tools: Sequence[ToolShape]) -> None:
 class BodyLog:
     """Logs the frames of one body, and with them the tools' poses.
 
-    tones  colours of what is near and far
+    tones   colours of what is near and far
+    sleeps  whether it may sleep
     """
 
     def __init__(
@@ -78,6 +79,7 @@ class BodyLog:
         scales: Scales,
         tools: Sequence[ToolShape],
         tones: tuple[colors.Tone, colors.Tone],
+        sleeps: bool = False,
     ) -> None:
         self._stream, self._surface, self._scales, self._tools = stream, surface, scales, tools
         self._at = paths.BodyPaths(body)
@@ -88,8 +90,23 @@ class BodyLog:
             stream.log(path, rr.Mesh3D.from_fields(triangle_indices=triangles), static=True)
         ghost = rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=(*colors.TOOL, 38))
         stream.log(self._at.ghost, ghost, static=True)
-        for path, color in zip((self._at.near, self._at.far), tones, strict=True):
-            stream.log(path, rr.Mesh3D.from_fields(albedo_factor=color), static=True)
+        self._tones, self._asleep = tones, False
+        if sleeps:
+            self._paint()
+        else:
+            for path, color in zip((self._at.near, self._at.far), tones, strict=True):
+                stream.log(path, rr.Mesh3D.from_fields(albedo_factor=color), static=True)
+
+    def sleep(self, asleep: bool) -> None:
+        """Draw the body paler from the stream's current time on where it is asleep."""
+        if asleep != self._asleep:
+            self._asleep = asleep
+            self._paint()
+
+    def _paint(self) -> None:
+        for path, color in zip((self._at.near, self._at.far), self._tones, strict=True):
+            tone = colors.paler(color) if self._asleep else color
+            self._stream.log(path, rr.Mesh3D.from_fields(albedo_factor=tone))
 
     def log(self, frame: Frame) -> None:
         """Draw one frame at the stream's current time."""
@@ -140,7 +157,7 @@ class BodyLog:
             self._stream.log(f"{paths.TOOLS}/{tool.name}", pose)
 
     def _log_forces(self, frame: Frame) -> None:
-        reach = _ARROW * self._surface.extent
+        reach = ARROW * self._surface.extent
         thick = 0.006 * self._surface.extent
         contact = _arrows(frame.point_x, frame.contact_force, self._scales.contact, reach)
         self._stream.log(

@@ -1,0 +1,45 @@
+"""What bodies do to one another, in a replay: two arrows from where they press, each into the body that it pushes."""
+
+import numpy as np
+import rerun as rr
+
+from softseam.recording import Recording
+from softseam.replay import paths
+from softseam.view import colors
+from softseam.view.pair_forces import pair_forces
+from softseam_protocol.messages.session import Frame, StepReport
+
+
+class PairLog:
+    """Logs the forces of each step for which all bodies have a frame.
+
+    bodies  how many these are
+    most    force of the longest arrow [N]
+    reach   its length [m]
+    """
+
+    def __init__(
+        self, stream: rr.RecordingStream, recording: Recording, bodies: int, most: float, reach: float
+    ) -> None:
+        self._stream, self._pairs, self._count = stream, recording.scene.interfaces, bodies
+        self._most, self._reach = most, reach
+        self._frames: dict[str, Frame] = {}
+        self._report: StepReport | None = None
+
+    def step(self, report: StepReport) -> None:
+        """Of the step whose frames follow."""
+        self._report = report
+        self._frames.clear()
+
+    def log(self, frame: Frame) -> None:
+        """Draw the arrows at the stream's current time, with the last frame of the step."""
+        self._frames[frame.body] = frame
+        if self._report is None or len(self._frames) < self._count or self._most <= 0.0:
+            return
+        at, force = pair_forces(self._pairs, self._report, self._frames, self._most)
+        ways = force * (self._reach / self._most)
+        both = np.concatenate([at, at]), np.concatenate([ways, -ways])
+        self._stream.log(
+            paths.PAIRS,
+            rr.Arrows3D(origins=both[0], vectors=both[1], colors=colors.BETWEEN, radii=0.025 * self._reach),
+        )
