@@ -129,7 +129,8 @@ def most_telling(found: Mapping[str, Entry]) -> dict[str, Entry]:
     few: set[str] = set()
     for names in by_quantity.values():
         if len(names) > MANY:
-            names = sorted(names, key=lambda name: -max(abs(found[name][end] or 0.0) for end in ("min", "max")))[:3]
+            most = {name: max(abs(found[name][end] or 0.0) for end in ("min", "max")) for name in names}
+            names = sorted((name for name in names if most[name] > 0.0), key=lambda name: -most[name])[:3] or names[:1]
         few.update(names)
     return {name: entry for name, entry in found.items() if name in few}
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -11,10 +12,10 @@ from softseam.replay.curves import log_curves
 from softseam.replay.facts import log_event, log_hole, log_scale, summary
 from softseam.replay.layout import layout
 from softseam.replay.pairs import PairLog
-from softseam.replay.world import ARROW, BodyLog, Scales, find_scales, log_tools
+from softseam.replay.world import BodyLog, Scales, find_scales, log_tools, shared
 from softseam.report import ReportBuilder
 from softseam.view import colors
-from softseam.view.pair_forces import largest_total
+from softseam.view.pair_forces import largest_totals
 from softseam.view.surface import DisplaySurface
 from softseam.view.tool_shapes import tool_shapes
 from softseam_protocol.messages.session import Event, Frame, StepReport
@@ -26,11 +27,10 @@ def convert(recording: Recording, stream: rr.RecordingStream) -> rrb.Blueprint:
     has_events = False
     step = recording.scene.step
     surfaces = {name: DisplaySurface(mesh) for name, mesh in recording.surfaces.items()}
-    scales = {name: find_scales(recording, name, surface) for name, surface in surfaces.items()}
+    scales = shared({name: find_scales(recording, name, surface) for name, surface in surfaces.items()}, surfaces)
     logs = _begin(stream, recording, surfaces, scales)
-    pressed = largest_total(recording)
-    reach = ARROW * max((surface.extent for surface in surfaces.values()), default=0.0)
-    pairs = PairLog(stream, recording, len(surfaces), pressed, reach)
+    pressed = largest_totals(recording)
+    pairs = PairLog(stream, recording, surfaces, float(np.quantile(pressed, 0.9)) if len(pressed) else 0.0)
     for message in recording:
         builder.add(message)
         header = message.header
@@ -56,7 +56,7 @@ def convert(recording: Recording, stream: rr.RecordingStream) -> rrb.Blueprint:
         return rrb.Blueprint(auto_views=True)
     first = next(iter(surfaces))
     log_scale(stream, surfaces[first], scales[first].stress)
-    text = summary(recording, builder, scales, pressed)
+    text = summary(recording, builder, scales, float(pressed.max(initial=0.0)))
     stream.log(paths.SUMMARY, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
     return layout(recording.scene, tabs, scales, surfaces, builder.columns.models, has_events=has_events)
 

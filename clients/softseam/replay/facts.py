@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 import rerun as rr
 
-from softseam.columns import MANY, most_telling
+from softseam.columns import most_telling
 from softseam.recording import Hole, Recording
 from softseam.replay import paths
 from softseam.replay.world import Scales
@@ -53,12 +53,12 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Mapping[str, S
         "Green: seam nodes and the seam's force on the near side. Orange: what two bodies do to each other, in all."
         + (" Paler: asleep." if recording.scene.sleep is not None else ""),
         "",
-        *(
-            f"Longest arrows{f' of {body}' if len(scales) > 1 else ''}: contact "
-            f"{colors.engineering(scale.contact, 'N')}, seam {colors.engineering(scale.multiplier, 'N')} a node."
-            for body, scale in list(scales.items())[:MANY]
+        *dict.fromkeys(  # bodies of a kind have them alike
+            f"Longest arrows: contact {colors.engineering(scale.contact, 'N')}, seam "
+            f"{colors.engineering(scale.multiplier, 'N')} a node."
+            for scale in scales.values()
         ),
-        *([f"Longest of a pair: {colors.engineering(pressed, 'N')}."] if pressed > 0.0 else []),
+        *([f"Between two bodies: at most {colors.engineering(pressed, 'N')}."] if pressed > 0.0 else []),
         "",
         f"Seed {recording.seed}; softseam {recording.facts.get('softseam', '?')}; {recording.facts.get('machine', '')}",
     ]

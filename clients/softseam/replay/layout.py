@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 import rerun.blueprint as rrb
 
+from softseam.columns import MANY
 from softseam.replay import paths
 from softseam.replay.curves import Plot
 from softseam.replay.world import Scales
@@ -120,5 +121,5 @@ def _plot(plot: Plot) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         origin=plot.origin,
         name=plot.title,
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=len(plot.names) > 1),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=1 < len(plot.names) <= MANY),
     )

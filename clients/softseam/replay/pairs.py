@@ -1,5 +1,7 @@
 """What bodies do to one another, in a replay: two arrows from where they press, each into the body that it pushes."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import rerun as rr
 
@@ -7,22 +9,22 @@ from softseam.recording import Recording
 from softseam.replay import paths
 from softseam.view import colors
 from softseam.view.pair_forces import pair_forces
+from softseam.view.surface import DisplaySurface
 from softseam_protocol.messages.session import Frame, StepReport
 
 
 class PairLog:
     """Logs the forces of each step for which all bodies have a frame.
 
-    bodies  how many these are
-    most    force of the longest arrow [N]
-    reach   its length [m]
+    surfaces  of these
+    most      force whose arrow is as long as a body [N]
     """
 
     def __init__(
-        self, stream: rr.RecordingStream, recording: Recording, bodies: int, most: float, reach: float
+        self, stream: rr.RecordingStream, recording: Recording, surfaces: Mapping[str, DisplaySurface], most: float
     ) -> None:
-        self._stream, self._pairs, self._count = stream, recording.scene.interfaces, bodies
-        self._most, self._reach = most, reach
+        self._stream, self._pairs, self._count = stream, recording.scene.interfaces, len(surfaces)
+        self._most, self._extent = most, max((surface.extent for surface in surfaces.values()), default=0.0)
         self._frames: dict[str, Frame] = {}
         self._report: StepReport | None = None
 
@@ -37,9 +39,9 @@ class PairLog:
         if self._report is None or len(self._frames) < self._count or self._most <= 0.0:
             return
         at, force = pair_forces(self._pairs, self._report, self._frames, self._most)
-        ways = force * (self._reach / self._most)
+        ways = force * (self._extent / self._most)
         both = np.concatenate([at, at]), np.concatenate([ways, -ways])
         self._stream.log(
             paths.PAIRS,
-            rr.Arrows3D(origins=both[0], vectors=both[1], colors=colors.BETWEEN, radii=0.025 * self._reach),
+            rr.Arrows3D(origins=both[0], vectors=both[1], colors=colors.BETWEEN, radii=0.012 * self._extent),
         )

@@ -1,7 +1,7 @@
 """The 3D part of a replay: bodies, stress, tools, forces, frame by frame."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import rerun as rr
@@ -16,7 +16,7 @@ from softseam_protocol.messages.session import Frame
 
 Floats = NDArray[np.float64]
 
-ARROW = 0.24
+_ARROW = 0.24
 """length of the longest arrow of a run, in body extents"""
 
 
@@ -54,6 +54,16 @@ def find_scales(recording: Recording, body: str, surface: DisplaySurface) -> Sca
     usual, dense_usual = (float(np.quantile(values, 0.98)) if values else 0.0 for values in (tops, dense))
     error = colors.round_up(max(wrong)) if max(wrong) > 0.0 else 0.0
     return Scales(colors.round_up(usual), colors.round_up(dense_usual), error, contact, multiplier, low, high)
+
+
+def shared(scales: Mapping[str, Scales], surfaces: Mapping[str, DisplaySurface]) -> dict[str, Scales]:
+    """The scales of bodies that show the same by their colours, as one, so that one can be compared with the others."""
+    found = {}
+    for name, own in scales.items():
+        alike = [scales[each] for each, other in surfaces.items() if other.load_label == surfaces[name].load_label]
+        names = ("stress", "energy", "error", "contact", "multiplier")
+        found[name] = replace(own, **{field: max(getattr(each, field) for each in alike) for field in names})
+    return found
 
 
 def log_tools(stream: rr.RecordingStream, tools: Sequence[ToolShape]) -> None:
@@ -115,7 +125,9 @@ class BodyLog:
             vertex_positions=vertices.astype(np.float32),
             vertex_normals=self._surface.normals(vertices).astype(np.float32),
         )
-        for path in (self._at.near, self._at.far, self._at.stress, self._at.energy, *self._error, self._at.ghost):
+        near = self._surface.near(frame.cell_near)
+        sides = [path for path, there in ((self._at.near, near), (self._at.far, ~near)) if there.any()]
+        for path in (*sides, self._at.stress, self._at.energy, *self._error, self._at.ghost):
             self._stream.log(path, shape)
         stress = self._surface.load(frame)
         energy = self._surface.energy_density(frame.cell_energy)
@@ -125,13 +137,12 @@ class BodyLog:
         for path, values, top in shown:
             shades = colors.stress_colors(values, top)[self._surface.vertex_point]
             self._stream.log(path, rr.Mesh3D.from_fields(vertex_colors=shades))
-        self._log_regions(frame)
+        self._log_regions(near)
         self._log_grid(frame)
         self._log_tools(frame)
         self._log_forces(frame)
 
-    def _log_regions(self, frame: Frame) -> None:
-        near = self._surface.near(frame.cell_near)
+    def _log_regions(self, near: NDArray[np.bool_]) -> None:
         if self._near is not None and np.array_equal(near, self._near):
             return
         self._near = near
@@ -157,7 +168,7 @@ class BodyLog:
             self._stream.log(f"{paths.TOOLS}/{tool.name}", pose)
 
     def _log_forces(self, frame: Frame) -> None:
-        reach = ARROW * self._surface.extent
+        reach = _ARROW * self._surface.extent
         thick = 0.006 * self._surface.extent
         contact = _arrows(frame.point_x, frame.contact_force, self._scales.contact, reach)
         self._stream.log(

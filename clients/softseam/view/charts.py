@@ -27,7 +27,7 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     columns = builder.columns
     time = columns["time"]
     quantities = columns.drawn(drawn_quantities(recording.scene.asked, columns))
-    coupled = bool(np.nanmax(columns["seam_nodes"], initial=0.0) > 0.0)
+    coupled = bool(((columns["seam_nodes"] > 0.0) & (columns["exchanges"] > 0.0)).any())  # not within a solver alone
     n_plots = len(quantities) + (2 if coupled else 0) + 1
     rows = -(-n_plots // 3)
     figure = Figure(figsize=(12.6, 1.25 + 2.55 * rows), dpi=150, facecolor=PAPER)

@@ -1,6 +1,6 @@
 """What bodies do to one another, to be drawn: the whole force of each contact, where the boxes around two meet."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +15,16 @@ _LEAST = 1 / 50
 """of the largest force of a run: smaller ones are not drawn"""
 
 
-def largest_total(recording: Recording) -> float:
-    """The largest force between two bodies in a run, of all points of a contact together [N]."""
-    pairs = recording.scene.interfaces
-    if not pairs:
-        return 0.0
-    totals = (each.total for report in recording.reports() for name, each in report.interfaces.items() if name in pairs)
-    return max((float(np.linalg.norm(total)) for total in totals), default=0.0)
+def largest_totals(recording: Recording, steps: Collection[int] | None = None) -> Floats:
+    """The largest force between two bodies, of all points of a contact, in each step of a run that has some, or in
+    these of its steps (k,) [N]."""
+    pairs, found = recording.scene.interfaces, []
+    if pairs:
+        for report in recording.reports():
+            totals = [each.total for name, each in report.interfaces.items() if name in pairs]
+            if totals and (steps is None or report.header.step in steps):
+                found.append(float(np.linalg.norm(totals, axis=1).max()))
+    return np.array(found)
 
 
 def pair_forces(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from softseam.recording import Recording, time_of
 from softseam.report import ReportBuilder
 from softseam.view import colors
-from softseam.view.pair_forces import largest_total, pair_forces
+from softseam.view.pair_forces import largest_totals, pair_forces
 from softseam.view.paper import INK, PAPER, SOFT, heading, write
 from softseam.view.raster import Camera, Canvas
 from softseam.view.surface import DisplaySurface, error_energy
@@ -56,7 +56,8 @@ def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> 
     axes = figure.subplots(rows, len(moments), squeeze=False)
     figure.subplots_adjust(left=0.012, right=0.988, top=1.0 - 1.15 / tall, bottom=0.8 / tall, wspace=0.025, hspace=0.03)
     reports = {report.header.step: report for report in recording.reports()} if recording.scene.interfaces else {}
-    most = largest_total(recording)
+    steps = {next(iter(frames.values())).header.step for frames in moments}
+    most = float(largest_totals(recording, steps).max(initial=0.0))
     for column, frames in enumerate(moments):
         first = next(iter(frames.values()))
         report = None if first.start else reports.get(first.header.step)
@@ -236,7 +237,7 @@ def _legend(figure: Figure, builder: ReportBuilder, tall: float, *, outlined: bo
     patches.append(Patch(color=(0.78, 0.80, 0.83), label="tools"))
     if pressed > 0.0:
         tone = (colors.BETWEEN[0] / 255.0, colors.BETWEEN[1] / 255.0, colors.BETWEEN[2] / 255.0)
-        label = f"between bodies, at most {colors.engineering(pressed, 'N')}"
+        label = f"between bodies, the longest {colors.engineering(pressed, 'N')}"
         patches.append(Patch(color=tone, label=label))
     if outlined:
         white = (colors.BORDER[0] / 255.0, colors.BORDER[1] / 255.0, colors.BORDER[2] / 255.0)

@@ -98,8 +98,8 @@ class Between:
         places = np.flatnonzero(counts)
         figures = self.touch.met[places]
         figures[:, IMPULSE:] /= self._dt
-        rows = zip(counts[places].tolist(), figures.tolist(), places.tolist(), strict=True)
-        return [Met(count, *each, contact=place) for count, each, place in rows]
+        columns = counts[places].tolist(), *figures.T.tolist(), places.tolist()
+        return [Met(*each) for each in zip(*columns, strict=True)]
 
     def size_of(self, number: int) -> int:
         """Of `of_body`."""
