@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cubes import tray
 
 import softseam
 from softseam.observation import Observation
@@ -153,3 +154,26 @@ def test_a_recording_has_what_pressed(tmp_path: Path) -> None:
     assert [dict(one.interfaces) for one in reports] == [dict(one.interfaces) for one in seen]
     assert reports[-1].interfaces["cube_0_0_0+cube_0_0_1"].total[2] < -0.5 * WEIGHT
     assert Recording(path).scene.interfaces.keys() == {"cube_0_0_0+cube_0_0_1"}
+
+
+def test_a_tray_bears_what_lies_in_it_and_gives_up_what_is_lifted() -> None:
+    """Eight cubes with one upon them, as the shipped scene has twenty-seven, in a jelly that rests sooner: the floor
+    bears all weights to 1e-6, walls press evenly, the lifted cube hangs by itself, and no other moves by 1 mm."""
+    rests = [f"bodies.{name}.material.retardation_time=0.01" for name in ("cube", "picked")]
+    weight = 9.81 * 1050.0 * 0.05**3
+    with softseam.open(tray(2, "motion.0.hold=2.0", *rests)) as sim:
+        sim.reset(seed=0)
+        still = sim.run(max_steps=400, fields=True)
+        last = sim.run(fields=True)
+    assert -still.wrench["floor"][2] == pytest.approx(9 * weight, rel=1e-6)
+    assert still.energies["kinetic"] < 1e-9 * weight * 0.05
+    assert still.wrench["west"][0] == pytest.approx(-still.wrench["east"][0], rel=1e-4)
+    upon = [np.array(each.total) for name, each in still.interfaces.items() if "picked" in name]
+    np.testing.assert_allclose(np.sum(upon, axis=0), [0.0, 0.0, -weight], rtol=1e-6, atol=1e-6 * weight)
+    assert last.quantities["picked.lift_height"] == pytest.approx(0.08, rel=0.03)
+    assert not [name for name in last.interfaces if "picked" in name]
+    assert -last.wrench["floor"][2] == pytest.approx(8 * weight, rel=1e-2)
+    for name, body in last.bodies.items():
+        if name != "picked":
+            away = body.positions.mean(axis=0) - still.bodies[name].positions.mean(axis=0)
+            assert np.abs(away).max() < 1e-3, name

@@ -45,7 +45,8 @@ class Between:
         faces = [_NO_FACES] * b
         for name, each in contacts.items():
             for number in each.bodies:
-                faces[number] = _faces(name, pieces.each[number])
+                if faces[number] is _NO_FACES:
+                    faces[number] = _faces(name, pieces.each[number])
         counts = np.array([len(each.nodes) for each in faces])
         self._ends = np.cumsum([0, *counts[pair].ravel()])
         self.touch = Touch(
