@@ -132,6 +132,8 @@ def test_what_is_recorded_has_each_copy_as_a_body() -> None:
 
 def test_settings_mean_all_copies() -> None:
     scene = with_settings(tray(), ["bodies.cube.repeat.grid=[2, 2, 2]", "bodies.cube.material.young=3e4"])
+    one = with_settings(tray(), ["bodies.cube_1_0_0.material.young=4e4", "step=0.01"])
+    assert [block(one, name).material.young for name in ("cube_0_0_0", "cube_1_0_0")] == [2e4, 4e4] and one.step == 0.01
     assert len(scene.bodies) == 9 and {block(scene, name).material.young for name in scene.bodies} == {2e4, 3e4}
 
 
