@@ -75,7 +75,9 @@ def _energy(writer: _Writer, columns: Columns, names: tuple[str, ...], title: st
 def _parts(writer: _Writer, columns: Columns) -> list[Plot]:
     cells = writer.plot("cells", "parts/cells")
     iterations = writer.plot("iterations or sweeps a step", "parts/iterations")
-    for i, (label, (_, names)) in enumerate(colors.grouped(columns.models).items()):
+    for i, (_, names) in enumerate(colors.grouped(columns.models).values()):
+        model = columns.models[names[0]]
+        label = f"{names[0]} ({model})" if len(names) == 1 else f"{len(names)} parts ({model})"
         color = i if i >= 2 else 0 if local(names[0]) == "near" else 1
         for plot, what in ((cells, "cells"), (iterations, "iterations")):
             values = np.sum([np.nan_to_num(columns[f"{name}.{what}"]) for name in names], axis=0)
