@@ -35,10 +35,13 @@ class PairLog:
 
     def log(self, frame: Frame) -> None:
         """Draw the arrows at the stream's current time, with the last frame of the step."""
+        report = self._report
+        if report is None or report.header.step != frame.header.step or self._most <= 0.0:
+            return  # the start, or its report is missing
         self._frames[frame.body] = frame
-        if self._report is None or len(self._frames) < self._count or self._most <= 0.0:
+        if len(self._frames) < self._count:
             return
-        at, force = pair_forces(self._pairs, self._report, self._frames, self._most)
+        at, force = pair_forces(self._pairs, report, self._frames, self._most)
         ways = force * (self._extent / self._most)
         both = np.concatenate([at, at]), np.concatenate([ways, -ways])
         self._stream.log(
