@@ -211,6 +211,12 @@ def test_what_cannot_touch_yet_is_said_once_for_all_copies() -> None:
     assert "it is cut in two models" in only
 
 
+def test_many_of_a_model_that_does_not_pile_are_said_to_be_slow() -> None:
+    (only,) = of_company(tray(("{default: pbd}", "{default: fem}")))
+    assert only.startswith("contacts: 7 bodies of fem may touch") and only.endswith("to pbd")
+    assert not of_company(tray(("{default: pbd}", "{default: fem}"), ("[3, 2, 1]", "[2, 1, 1]")))
+
+
 def test_a_scene_of_another_program_is_read_alike() -> None:
     """As JSON, through a bundle that repeats bodies."""
     data = json.loads(json.dumps(tray().model_dump(mode="json", context="as written")))
