@@ -5,7 +5,7 @@ A step of theirs is a recipe: wake, climb, advance every island, and once it is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 
@@ -93,8 +93,7 @@ class Bodies:
             for name in pile.names:
                 del self._lone[name]
         mass, tools = {name: setup.body.total_mass for name, setup in setups.items()}, next(iter(setups.values())).tools
-        self.overlaps = _overlaps(scene, [each.between for each in interfaces.values()], report)
-        """those that pass through one another; None where they are meant to, or cannot"""
+        self.overlaps = Overlaps(scene, report)
         islands = islands_of(self.named, (interface.between for interface in interfaces.values()))
         self._sleeping = Sleeping(scene.sleep, islands, mass, tools, self._woke)
 
@@ -309,12 +308,6 @@ class Bodies:
     def _standing(self, saved: Arrays) -> dict[str, SimulatedBody]:
         """The bodies on the rungs that were saved."""
         return self.named | {name: ladder.body(_rung(saved, name)) for name, ladder in self._ladders.items()}
-
-
-def _overlaps(scene: Scene, joined: Iterable[tuple[str, str]], report: Tell) -> Overlaps | None:
-    if len(scene.bodies) == 1 or scene.contacts == "none":
-        return None
-    return Overlaps(tuple(scene.bodies), joined, report)
 
 
 def _rung(saved: Arrays, body: str) -> int:

@@ -1,38 +1,40 @@
-"""Bodies that nothing keeps apart: whether some of them have come to be where others are.
+"""Bodies that have come to be where others are: because nothing keeps them apart, or through their contact.
 
 Boxes around bodies are enough for that: of two solid ones that are apart neither has its middle in the other's box, but
-for a small one in the corner of a large one's box.
+for a small one in the corner of a large one's box. Of those that touch, which may be pressed out of shape, both have.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+
+from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 
 
 class Overlaps:
-    """Watches b bodies; reports once of every two that come to overlap, those of a look in one event.
+    """Watches the b bodies of a scene; reports once of every two that come to overlap, those of a look in one event.
 
-    names  of the bodies
-    apart  pairs of names that interfaces join
-    say    receives kind and text of every event
+    say  receives kind and text of every event
     """
 
-    def __init__(self, names: Sequence[str], apart: Iterable[Sequence[str]], say: Callable[[str, str], None]) -> None:
-        self._names, self._say = names, say
-        place = {name: number for number, name in enumerate(names)}
-        self._free = np.triu(np.ones((len(names), len(names)), dtype=np.bool_), 1)
-        for one, other in apart:
-            self._free[place[one], place[other]] = self._free[place[other], place[one]] = False
+    def __init__(self, scene: Scene, say: Callable[[str, str], None]) -> None:
+        self._names, self._say = tuple(scene.bodies), say
+        place, b = {name: number for number, name in enumerate(self._names)}, len(self._names)
+        self._free = np.triu(np.full((b, b), scene.contacts != "none"), 1)
+        self._touch = np.zeros((b, b), dtype=np.bool_)
+        for each in scene.interfaces.values():
+            one, other = sorted(place[name] for name in each.between)
+            self._free[one, other], self._touch[one, other] = False, each.kind == "contact"
         self.forget()
 
     def forget(self) -> None:
         """The last step is another's."""
-        self._left = self._free.copy()
+        self._left = self._free | self._touch
 
     @property
     def possible(self) -> bool:
@@ -43,14 +45,18 @@ class Overlaps:
         """A step was taken, after which bodies have these bounds, lower and upper (b, 2, 3) [m]."""
         middle = bounds.mean(axis=1)
         inside = ((middle[:, None] > bounds[None, :, 0]) & (middle[:, None] < bounds[None, :, 1])).all(axis=2)
-        found = np.argwhere(self._left & (inside | inside.T))
-        if not len(found):
-            return
-        self._left[found[:, 0], found[:, 1]] = False
-        one, other = (self._names[number] for number in found[0].tolist())
-        more = f", and {len(found) - 1} other pairs" if len(found) > 1 else ""
-        self._say(
-            "overlap",
-            f"step {step}: {one} and {other} are where the other is{more}: nothing keeps them apart; add contacts to "
-            "the scene where that can be, keep them apart, or say contacts: none",
-        )
+        for which, found, why in (
+            (self._free, inside | inside.T, _FREE),
+            (self._touch, inside & inside.T, _THROUGH),
+        ):
+            pairs = np.argwhere(self._left & which & found)
+            if not len(pairs):
+                continue
+            self._left[pairs[:, 0], pairs[:, 1]] = False
+            one, other = (self._names[number] for number in pairs[0].tolist())
+            first = f", the first of {len(pairs)} pairs," if len(pairs) > 1 else ""
+            self._say("overlap", f"step {step}: {one} and {other}{first} are where the other is: {why}")
+
+
+_FREE = "nothing keeps them apart; add contacts to the scene where that can be, keep them apart, or say contacts: none"
+_THROUGH = "they came through their contact; shorten the step, or let them meet more slowly or press less"
