@@ -41,6 +41,7 @@ class ModelFacts:
                        and is 1 else
     forces_at_end      its contact forces act as a step ends, not over the step
     piles              it takes several whole bodies as one part, a pile (`Configure.bodies`)
+    visits_piles       its whole bodies may touch a pile, as guests: they say how nodes answer forces on them
     gives_derivatives  its kernels differentiate steps, and solve for the adjoint of a goal
     """
 
@@ -57,6 +58,7 @@ class ModelFacts:
     cuts_steps: bool = False
     forces_at_end: bool = False
     piles: bool = False
+    visits_piles: bool = False
     gives_derivatives: bool = False
 
     @property
@@ -85,6 +87,7 @@ MODELS: Table[ModelFacts] = Table(
             one_side=True,
             cuts_steps=True,
             forces_at_end=True,
+            visits_piles=True,
             gives_derivatives=True,
         ),
         "pbd": ModelFacts(

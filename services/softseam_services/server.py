@@ -6,6 +6,7 @@ The order of requests is the protocol's (`softseam_protocol.participant.requests
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.blas import use_one_thread
 from softseam_services.bodies import AnyBody, build_any_body
 from softseam_services.body.errors import ToolError
+from softseam_services.body.interpolate import model_functions
+from softseam_services.body.sampled_faces import SampledFaces, sampled_faces
 from softseam_services.built import Built
 from softseam_services.orchestrator.default_model import with_model
 from softseam_services.solvers import SOLVERS
@@ -46,6 +49,13 @@ class Setup:
     tools: ToolSet
     why: str = ""
     """why they name this model, where the scene itself names none"""
+
+    @cached_property
+    def touched(self) -> SampledFaces:
+        """Its surface as a pile touches it. Raises SettingError where there is none."""
+        model = self.scene.regions.default
+        assert self.body.has_cells and model is not None
+        return sampled_faces(self.body, model_functions(self.scene.models)[model])
 
 
 def build_setup(bundle: Bundle, name: str = ONLY_BODY) -> Setup:
@@ -110,14 +120,14 @@ class ParticipantServer(Participant):
 
     def _solver(self, request: Configure) -> tuple[Solver, Configured]:
         setups, names = self._setups_of(request.bundle), request.bodies or [request.body]
-        for name in names:
+        for name in [*names, *request.guests]:
             setups[name] = setups.get(name) or build_setup(request.bundle, name)
         if not request.bodies:
             return build_solver(setups[request.body], request, self._built)
         row = SOLVERS[request.model] if request.model in SOLVERS else None
         if row is None or row.build_pile is None:
             raise ValueError(f"the model {request.model!r} takes one body a part: configure each by itself")
-        return row.build_pile([setups[name] for name in names], request)
+        return row.build_pile([setups[name] for name in names], [setups[name] for name in request.guests], request)
 
     def _setups_of(self, bundle: Bundle) -> dict[str, Setup]:
         """What is built of a bundle, by body; those of the latest bundles are kept."""

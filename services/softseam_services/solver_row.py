@@ -59,7 +59,7 @@ if TYPE_CHECKING:  # which builds by these rows
     from softseam_services.server import Setup
 
 Build = Callable[["Setup", Configure, Built], tuple[Solver, Configured]]
-BuildPile = Callable[[Sequence["Setup"], Configure], tuple[Solver, Configured]]
+BuildPile = Callable[[Sequence["Setup"], Sequence["Setup"], Configure], tuple[Solver, Configured]]
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,8 @@ class SolverRow:
     adjoint            of a body, whose region it is given whole; None: it has none
     mesh_indicator     of a region; None: it measures no error of its mesh
     model_indicator    of a region of box cells; None: it measures no error of its model
-    build_pile         the solver of a pile of bodies, and its answer, where MODELS says that the model `piles`
+    build_pile         the solver of a pile of bodies, which meets guests, and its answer, where MODELS says that the
+                       model `piles`
     """
 
     build: Build

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 
 import pytest
 from real_services import LIMITS, Lines, Services, free_port, squeezed_bar
 
 from softseam_protocol.bus.client import Bus
+from softseam_protocol.errors import NoReply, Refused
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.topics import Keys
 from softseam_services.bus_options import BusOptions
 from softseam_services.launch import UpOptions, supervisor
 
@@ -28,10 +31,27 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
 
 @pytest.fixture
 def bus(services: Services) -> Iterator[Bus]:
-    """A client's session on the services' bus; all services are well when the test begins."""
+    """A client's session on the services' bus; all services are well, and heard there, when the test begins."""
     services.wait_well()
     with Bus(services.endpoint) as opened:
+        keys = Keys()
+        for key in (keys.orchestrator, keys.participant("fem"), keys.participant("pbd")):
+            end = time.monotonic() + 10.0
+            while not _is_heard(opened, key):
+                assert time.monotonic() < end, key
+                time.sleep(0.01)
         yield opened
+
+
+def _is_heard(bus: Bus, key: str) -> bool:
+    """Whether somebody answers there, if only that he cannot read it."""
+    try:
+        bus.request(key, b"", 10.0)
+    except Refused:
+        return True
+    except NoReply:
+        return False
+    return True
 
 
 @pytest.fixture(scope="session")

@@ -44,7 +44,8 @@ def extended(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
 
 MIXED, FEM, XPBD = ("fem", "pbd", "fem"), ("fem",) * 3, ("pbd",) * 3
 TOWERS = [("rest", MIXED, ""), ("rest", MIXED, "fem"), ("rest", MIXED, "pbd")]
-TOWERS += [("contact", FEM, "fem"), ("contact", XPBD, "pbd")]
+TOWERS += [("contact", FEM, "fem"), ("contact", XPBD, "pbd"), ("contact", MIXED, "fem"), ("contact", MIXED, "pbd")]
+TOWERS += [("contact", ("pbd", "fem", "fem"), "pbd")]
 
 
 @pytest.mark.parametrize(("kind", "models", "victim"), TOWERS)

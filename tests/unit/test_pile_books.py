@@ -57,8 +57,8 @@ def setups() -> dict[str, Setup]:
 @pytest.mark.kernels
 def test_whole_bodies_of_a_model_that_piles_are_in_a_pile(setups: dict[str, Setup]) -> None:
     """Not those of FEM, of a near region, of particles, on ladders; and one alone is no pile."""
-    assert piles_of(setups, {}, ()) == {"pbd": ("cube0", "cube3", "cube4")}
-    assert piles_of(setups, {}, ("cube3",)) == {"pbd": ("cube0", "cube4")}
+    assert piles_of(setups, {}, ()) == {"pbd": (("cube0", "cube3", "cube4"), ())}
+    assert piles_of(setups, {}, ("cube3",)) == {"pbd": (("cube0", "cube4"), ())}
     assert piles_of(setups, {}, ("cube3", "cube4")) == {}
 
 
@@ -66,11 +66,19 @@ def test_whole_bodies_of_a_model_that_piles_are_in_a_pile(setups: dict[str, Setu
 def test_bodies_that_touch_are_in_a_pile_and_those_that_interfaces_join_are_not(setups: dict[str, Setup]) -> None:
     """What touches a body that something joins to another is not in the pile, either."""
     touch = ContactSpec(between=("cube0", "cube3"))
-    assert piles_of(setups, {"touch": touch}, ()) == {"pbd": ("cube0", "cube3", "cube4")}
+    assert piles_of(setups, {"touch": touch}, ()) == {"pbd": (("cube0", "cube3", "cube4"), ())}
     other = InterfaceSpec(kind="pad", between=("cube3", "cube1"))
     assert piles_of(setups, {"touch": touch, "pad": other}, ()) == {}
+
+
+@pytest.mark.kernels
+def test_a_body_of_fem_that_touches_a_pile_is_its_guest(setups: dict[str, Setup]) -> None:
+    """Beside one body, too; where something else joins it, nobody hosts it, nor takes whom it touches."""
     of_fem = ContactSpec(between=("cube1", "cube3"))
-    assert piles_of(setups, {"touch": of_fem}, ()) == {"pbd": ("cube0", "cube4")}
+    assert piles_of(setups, {"touch": of_fem}, ()) == {"pbd": (("cube0", "cube3", "cube4"), ("cube1",))}
+    assert piles_of(setups, {"touch": of_fem}, ("cube0", "cube4")) == {"pbd": (("cube3",), ("cube1",))}
+    pad = InterfaceSpec(kind="pad", between=("cube0", "cube1"))
+    assert piles_of(setups, {"touch": of_fem, "pad": pad}, ()) == {}
 
 
 @pytest.mark.kernels
@@ -83,12 +91,13 @@ def test_losses_of_many_are_those_of_each(setups: dict[str, Setup]) -> None:
         kinetic, strain, lost = 10.0 * random.random((3, 3)) ** 4
         touches = random.random(3) < 0.5
         work = np.where(random.random(3) < 0.9, 0.0, 1.0)
-        told = many.follow(kinetic, strain, lost, touches, work)
+        step = np.stack((kinetic, strain, lost, work))
+        said_of = many.follow(step, touches)
         for place, one in enumerate(each):
             own = slice(place, place + 1)
-            alone = one.follow(kinetic[own], strain[own], lost[own], touches[own], work[own])
-            assert alone.get(0, "") == told.get(place, "")
-        said += len(told)
+            alone = one.follow(np.ascontiguousarray(step[:, own]), touches[own])
+            assert alone.get(0, "") == said_of.get(place, "")
+        said += len(said_of)
     assert said > 2 and np.array_equal(many.state, np.concatenate([one.state for one in each], axis=1))
     assert [one.said() for one in each] == [many.said(place) for place in range(3)]
 

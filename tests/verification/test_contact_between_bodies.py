@@ -15,7 +15,7 @@ from softseam.errors import SoftseamError
 from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.scene import Scene
 
-MODELS = pytest.mark.parametrize("model", ["fem", "pbd"])
+MODELS = pytest.mark.parametrize("model", ["fem", "pbd", "fem on pbd", "pbd on fem"])
 EDGE, DENSITY = 0.04, 1000.0
 MASS = DENSITY * EDGE**3
 WEIGHT = 9.81 * MASS
@@ -36,17 +36,20 @@ def scene(
     model: str = "fem",
     **keys: Any,
 ) -> Scene:
-    """One cube upon or above another, on the ground, which may be tilted [rad]: then gravity is."""
+    """One cube upon or above another, on the ground, which may be tilted [rad]: then gravity is. model: of both, or of
+    one on another."""
+    of_upper, _, of_lower = model.partition(" on ")
+    own = {"regions": {"default": of_lower}} if of_lower else {}
     data = {
         "softseam": 1,
         "name": "touch",
         "gravity": [9.81 * np.sin(tilt), 0.0, -9.81 * np.cos(tilt)],
         "step": step,
         "duration": 0.3,
-        "bodies": {"lower": lower or cube(), "upper": {"position": [0.0, 0.0, EDGE]} | upper},
+        "bodies": {"lower": (lower or cube()) | own, "upper": {"position": [0.0, 0.0, EDGE]} | upper},
         "tools": {"ground": {"kind": "plane", "friction": 1.5}},
         "interfaces": {"touch": {"kind": "contact", "between": ["upper", "lower"], "friction": friction}},
-        "regions": {"default": model},
+        "regions": {"default": of_upper},
     }
     return Scene.model_validate(json.loads(json.dumps(data | keys)))
 
@@ -109,8 +112,8 @@ def test_friction_holds_on_a_slope_and_yields(model: str) -> None:
     assert held.apart[-1, 0] + 0.004 < 4e-4
     slid = Run(scene(cube(position=[-0.008, 0.0, EDGE]), friction=0.2, tilt=SLOPE, duration=0.15, model=model))
     a, n = 9.81 * (np.sin(SLOPE) - 0.2 * np.cos(SLOPE)), len(slid.apart)
-    ended = n * (n + 1 if model == "fem" else n)
-    assert slid.apart[-1, 0] + 0.008 == pytest.approx(0.5 * a * 0.005**2 * ended, rel=0.01)
+    ended = n * (n + 1 if model.startswith("fem") else n)
+    assert slid.apart[-1, 0] + 0.008 == pytest.approx(0.5 * a * 0.005**2 * ended, rel=0.012)
 
 
 @MODELS
@@ -119,7 +122,7 @@ def test_a_cube_that_is_thrown_along_another_stops(model: str) -> None:
     damp."""
     upper = cube(position=[-0.008, 0.0, EDGE], velocity=[0.3, 0.0, 0.0])
     run = Run(scene(upper, friction=0.3, duration=0.2, model=model))
-    way = 0.3**2 / (2.0 * 0.3 * 9.81) - (0.5 * 0.3 * 0.005 if model == "fem" else 0.0)
+    way = 0.3**2 / (2.0 * 0.3 * 9.81) - (0.5 * 0.3 * 0.005 if model.startswith("fem") else 0.0)
     assert run.apart[-1, 0] + 0.008 == pytest.approx(way, rel=0.01)
     work = sum(each.work for each in run.touch)
     assert -0.5 * MASS * 0.3**2 < work < -0.9 * 0.5 * MASS * 0.3**2
@@ -154,11 +157,15 @@ def test_two_that_meet_in_flight_keep_their_momenta(model: str) -> None:
 
 @MODELS
 def test_two_halves_are_pressed_as_the_whole(model: str) -> None:
-    """Between planes without friction: the same force within 1 %, for surfaces sink in by .8 % of what cells do."""
+    """Between planes without friction: the same force within 1 %, 1.4 % of two models, for surfaces sink in by .8 % of what cells
+    do."""
 
     def pressed(halves: bool) -> float:
         block = cube() | {"shape": {"kind": "block", "size": [EDGE, EDGE, EDGE / 2 if halves else EDGE]}}
-        bodies = {"lower": block, "upper": block | {"position": [0.0, 0.0, EDGE / 2]}} if halves else {"lower": block}
+        of_upper, _, of_lower = model.partition(" on ")
+        own = {"regions": {"default": of_lower or of_upper}}
+        upper = block | {"position": [0.0, 0.0, EDGE / 2], "regions": {"default": of_upper}}
+        bodies = {"lower": block | own, "upper": upper} if halves else {"lower": block}
         press = {"kind": "plane", "point": [0.0, 0.0, EDGE], "normal": [0.0, 0.0, -1.0]}
         data: dict[str, Any] = {
             "softseam": 1,
@@ -168,14 +175,14 @@ def test_two_halves_are_pressed_as_the_whole(model: str) -> None:
             "bodies": bodies,
             "tools": {"ground": {"kind": "plane"}, "press": press},
             "motion": [{"tools": ["press"], "move": [0.0, 0.0, -0.002], "speed": 0.02}, {"hold": 0.3}],
-            "regions": {"default": model},
+            "regions": {"default": of_upper},
         }
         if halves:
             data["interfaces"] = {"touch": {"kind": "contact", "between": ["upper", "lower"]}}
         with softseam.open(Scene.model_validate(json.loads(json.dumps(data)))) as sim:
             return float(sim.run().report.wrench[1, 2])
 
-    assert pressed(halves=True) == pytest.approx(pressed(halves=False), rel=1e-2)
+    assert pressed(halves=True) == pytest.approx(pressed(halves=False), rel=1.4e-2 if " on " in model else 1e-2)
 
 
 @MODELS
@@ -214,8 +221,6 @@ def icosahedron() -> bytes:
 
 
 def test_what_contact_cannot_do_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(SoftseamError, match=r"interfaces\.touch.*XPBD.*alone so far.*'upper'.*default: fem"):
-        softseam.open(scene(cube(regions={"default": "pbd"})))
     elastic = cube(material={"young": 5e5, "poisson": 0.3, "density": DENSITY})
     for keys in ({"residual": 0.01, "sweeps": 4}, {"method": "leapfrog"}):
         with pytest.raises(SoftseamError, match=r"interfaces\.touch.*leave out"):
@@ -225,3 +230,34 @@ def test_what_contact_cannot_do_is_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "ball.yaml").write_text(json.dumps(mesh))
     with pytest.raises(SoftseamError, match=r"interfaces\.touch.*surface of 'upper'.*take a block"):
         softseam.open(tmp_path / "ball.yaml")
+
+
+@pytest.mark.parametrize("model", ["fem on pbd", "pbd on fem"])
+@pytest.mark.parametrize("step", [0.005, 0.02])
+@pytest.mark.parametrize(
+    ("upper", "lower"),
+    [
+        ({"young": 2e6}, {"young": 2e4}),
+        ({"young": 2e4}, {"young": 2e6}),
+        ({"young": 2e6, "density": 1e4}, {"young": 1e5}),
+    ],
+)
+def test_no_stiffness_or_weight_shakes_contact_of_two_models(
+    upper: dict[str, float], lower: dict[str, float], step: float, model: str
+) -> None:
+    """A hundred times as stiff, ten times as heavy, either way round, after a fall over 2 mm, in steps of 5 and 20 ms:
+    nothing is made; the force between them is the weight in the mean of the last .1 s, to 1e-3, and ripples by less
+    than 1 % of it."""
+
+    def one(keys: dict[str, float]) -> dict[str, Any]:
+        made = cube()
+        return made | {"material": made["material"] | keys}
+
+    run = Run(
+        scene(one(upper) | {"position": [0.0, 0.0, EDGE + 0.002]}, one(lower), step=step, duration=1.0, model=model)
+    )
+    assert makes_nothing(run)
+    on_ground = np.array([report.wrench[0, 2] for report in run.reports[-round(0.1 / step) :]])
+    weight = 9.81 * EDGE**3 * (upper.get("density", DENSITY) + DENSITY)
+    assert on_ground.mean() == pytest.approx(-weight, rel=1e-3)
+    assert np.ptp(on_ground) < 0.01 * weight

@@ -54,8 +54,9 @@ class Contact:
                 )
             if not one.forces_at_end:
                 raise ValueError(
-                    f"contact of XPBD is with XPBD alone so far, of bodies that nothing else joins; {name!r} is not "
-                    "so: give both bodies `regions: {default: fem}`, or `{default: pbd}`"
+                    f"contact of XPBD is solved in its pile, which {name!r} is not in, for another interface, a ladder or a "
+                    "near region joins or cuts it, or whom it touches: leave that out, or give both bodies "
+                    "`regions: {default: fem}`"
                 )
         self._friction, self._sides = spec.friction, (_Side(a), _Side(b))
         self.nodes = self._sides[0].free, self._sides[1].free

@@ -29,6 +29,14 @@ from numpy.typing import NDArray
 from softseam_coupling.interface import Interface
 from softseam_coupling.loops.closure import Closure
 from softseam_coupling.loops.coupled_part import laws_of, parts_of
+from softseam_coupling.loops.doubt import (
+    EXACT,
+    FIRST_DOUBT,
+    FORCE_EXCHANGES,
+    grown,
+    is_force_known,
+    is_linear_enough,
+)
 from softseam_coupling.loops.loop import (
     NOT_CONVERGED,
     Ask,
@@ -50,30 +58,17 @@ from softseam_protocol.messages.participant import Advanced, Capabilities
 Floats = NDArray[np.float64]
 
 _NONE = np.zeros((0, 0))
-_FIRST_DOUBT = 0.3
-"""kappa of a part of which nothing is known [1]"""
-_DOUBT = 1.1
-"""growth of a kappa in a step that does not measure it [1]"""
-_SMALL = 0.02
-"""largest move that is not doubted, in cells [1]"""
-_DOUBTED_FORCE = 10.0
-"""largest force that is doubted, as a share of all multipliers, over the tolerance as a share of a cell [1]"""
-_FORCE_EXCHANGES = 4
-"""exchanges in which a step is redone for a force: after these the gap alone counts"""
 _UNCORRECTED = 0.5
 """share of the tolerance within which parts agree that cannot be corrected: their gap stays, and does work [1]"""
 _STALE, _LEAST_AGE = 0.5, 24
 """a part's compliance is found anew after a step that was redone, where its kappa is larger [1] and it is so old"""
-_EXACT = 1e-8
-"""share of the tolerance to which the gaps are closed linearly; moves below it are rounding: they measure no kappa, and
-stand for no force [1]"""
 
 
 @dataclass(slots=True)
 class _Linearity:
     """How far a part's linear answer is what it would do; all of it evolves."""
 
-    kappa: float = _FIRST_DOUBT
+    kappa: float = FIRST_DOUBT
     n_contacts: int = 0
     """at the end of the last step"""
     age: int = 0
@@ -190,10 +185,10 @@ class OneWay:
             if may_refuse and any(reply.status != Status.CONVERGED for reply in replies.values()):
                 raise StepRefused(exchange)  # a part that stands where it began says nothing of the others
             acted = {name: _acted(replies[name], request) for name, request in requests.items()}
-            found, pushes, moves = self._closure.solve(gap, acted, multipliers, _EXACT * self._setup.tolerance)
+            found, pushes, moves = self._closure.solve(gap, acted, multipliers, EXACT * self._setup.tolerance)
             if all(reply.coupling.correctable for reply in replies.values()):
                 trusted = self._is_linear_enough(moves)
-                if exchange <= _FORCE_EXCHANGES:
+                if exchange <= FORCE_EXCHANGES:
                     trusted = trusted and self._is_force_known(moves, pushes, found)
                 corrected = self._corrections(replies, found, pushes, moves) if trusted else None
                 if corrected is not None:
@@ -297,7 +292,7 @@ class OneWay:
             return
         for name, part in self._parts.items():
             went = largest(moves[name])
-            if went > _EXACT * self._setup.tolerance:
+            if went > EXACT * self._setup.tolerance:
                 miss = x[name] - before[name] - moves[name]
                 linearity = self._linearity[name]
                 linearity.kappa = largest(miss) / went
@@ -335,20 +330,13 @@ class OneWay:
 
     def _is_linear_enough(self, moves: Mapping[str, Floats]) -> bool:
         """Whether linear answers of this size are what the parts would do, to the tolerance."""
-        for name, move in moves.items():
-            length = largest(move)
-            if length > _SMALL * self._setup.cell or self._linearity[name].kappa * length > self._setup.tolerance:
-                return False
-        return True
+        of = self._setup.cell, self._setup.tolerance
+        return all(is_linear_enough(self._linearity[name].kappa, move, *of) for name, move in moves.items())
 
     def _is_force_known(self, moves: Mapping[str, Floats], pushes: Mapping[str, Floats], found: Floats) -> bool:
         """Whether the forces behind linear answers are doubted by little beside the multipliers found (c, 3) [N]."""
-        most = _DOUBTED_FORCE * self._setup.tolerance / self._setup.cell * float(np.abs(found).sum())
-        for name, push in pushes.items():
-            seen = largest(moves[name]) > _EXACT * self._setup.tolerance
-            if seen and self._linearity[name].kappa * float(np.abs(push).sum()) > most:
-                return False
-        return True
+        of = float(np.abs(found).sum()), self._setup.cell, self._setup.tolerance
+        return all(is_force_known(self._linearity[name].kappa, moves[name], push, *of) for name, push in pushes.items())
 
     def _corrections(
         self, replies: Mapping[str, Advanced], found: Floats, pushes: Mapping[str, Floats], moves: Mapping[str, Floats]
@@ -382,7 +370,7 @@ class OneWay:
                 linearity.renew = linearity.renew or touches or old
                 linearity.least_age *= 2 if old else 1
             if not measured:
-                linearity.kappa = min(1.0, _DOUBT * linearity.kappa)
+                linearity.kappa = grown(linearity.kappa)
             linearity.n_contacts, linearity.age = n_contacts, linearity.age + 1
         self._multipliers.commit(multipliers, self._dt)
         if self._impedance_part is not None:

@@ -30,7 +30,7 @@ from softseam_protocol.messages.arrays import (
 from softseam_protocol.messages.header import Header, message
 from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.outcomes import ONE_AT_LEAST, Detail, FailureKind, Figure, Status
-from softseam_protocol.messages.pile import Begun, Members
+from softseam_protocol.messages.pile import Begun, Guest, Members
 
 
 @message
@@ -104,6 +104,8 @@ class Configure:
     """of a pile: whole bodies of the scene that are to be one part, in place of `body` and `cells`"""
     states: list[BodyState] = field(default_factory=list)
     """and the state of each; empty: at rest"""
+    guests: list[NameText] = field(default_factory=list)
+    """of a pile: bodies of the scene, of other models, that may touch its own"""
 
 
 @message
@@ -191,6 +193,8 @@ class Advance:
     given before the step (22,); empty: nothing is"""
     asleep: Labels = field(default_factory=no_labels)
     """of a pile: 1 for bodies that stay as they are (b,); empty: none does"""
+    guests: list[Guest] = field(default_factory=list)
+    """of a pile: those of `Configure.guests`, in their order"""
 
 
 @message

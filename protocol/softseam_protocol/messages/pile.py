@@ -6,11 +6,36 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages.arrays import Array, Count, Ids, Scalars, Vectors
+from softseam_protocol.messages.arrays import NO_MATRIX, NO_VECTORS, Array, Count, Ids, Matrix, Scalars, Vectors
 from softseam_protocol.messages.header import message
 from softseam_protocol.messages.outcomes import Detail, Status
 
 BodyWrenches = Annotated[NDArray[np.float64], Array("f8", None, None, 6)]
+
+
+@message
+class Guest:
+    """A body of another model that may touch a pile, in a step; s nodes that its surface follows, and that may move."""
+
+    x: Vectors = field(default_factory=NO_VECTORS)
+    """where they are as the step begins (s, 3) [m]; empty: it is asleep"""
+    x_next: Vectors = field(default_factory=NO_VECTORS)
+    """and as it ends, under `force` (s, 3) [m]"""
+    force: Vectors = field(default_factory=NO_VECTORS)
+    """on them over the step, that all which touch it are taken to exert (s, 3) [N]"""
+    root: Matrix = field(default_factory=NO_MATRIX)
+    """R of how x_next answers to a force, dx/dforce = R R^T (3s, r) [(m/N)^(1/2)]; empty: the last one sent since the
+    last Configure, Snapshot or Restore"""
+
+
+@message
+class Push:
+    """What acts on a guest's nodes."""
+
+    force: Vectors
+    """mean over the step (s, 3) [N]"""
+    moment: Scalars
+    """of it about the world's origin, where those were that exert it (3,) [N m]; empty: that of the nodes"""
 
 
 @message
@@ -78,6 +103,8 @@ class Members:
     """of each contact between bodies of the pile that came near enough to touch, ascending"""
     interface_work: Scalars = field(default_factory=lambda: np.zeros(0))
     """of other bodies of the pile on each (b,) [J]"""
+    on_guests: list[Push] = field(default_factory=list)
+    """by all that touch each guest, in the order of `Configure.guests`"""
 
 
 @message

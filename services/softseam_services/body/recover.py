@@ -198,9 +198,21 @@ def _sample_coordinates(body: Body, sample: Floats, cells: Ints) -> Floats:
     return np.asarray(at)
 
 
+_SHEAR = np.sqrt(6.0)
+_DIFFERENCES = np.array(
+    [
+        [1.0, 0.0, -1.0, 0.0, 0.0, 0.0],
+        [-1.0, 1.0, 0.0, 0.0, 0.0, 0.0],
+        [0.0, -1.0, 1.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, _SHEAR, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, _SHEAR, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 0.0, _SHEAR],
+    ]
+)
+"""of xx yy zz yz xz xy, the sum of whose squares is 3 s:s"""
+
+
 def von_mises(cauchy: Floats) -> Floats:
     """von Mises stress sqrt(3/2 s:s) of Cauchy stresses xx yy zz yz xz xy (..., 6) [Pa]."""
-    xx, yy, zz, yz, xz, xy = (cauchy[..., i] for i in range(6))
-    return np.asarray(
-        np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz * yz + xz * xz + xy * xy))
-    )
+    differences = cauchy @ _DIFFERENCES
+    return np.asarray(np.sqrt(0.5 * np.einsum("...k,...k->...", differences, differences)))

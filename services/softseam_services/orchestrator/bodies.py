@@ -5,7 +5,7 @@ A step of theirs is a recipe: wake, climb, advance every island, and once it is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import partial
 
@@ -20,13 +20,14 @@ from softseam_protocol.messages.session import InterfaceReport
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.archive import Arrays, floats, named, under
 from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.hosting import Hosting
 from softseam_services.orchestrator.islands import advance_all
 from softseam_services.orchestrator.joined_bodies import Between, JoinedBodies, interfaces_of, joints_of
 from softseam_services.orchestrator.ladder import Ladder
 from softseam_services.orchestrator.overlaps import Overlaps
 from softseam_services.orchestrator.participants import Participants
 from softseam_services.orchestrator.parts import resting_state
-from softseam_services.orchestrator.pile import MemberTransport, Pile, piles_of
+from softseam_services.orchestrator.pile import Gathered, MemberTransport, Pile, piles_of
 from softseam_services.orchestrator.pile_bodies import PileBodies
 from softseam_services.orchestrator.probes import share_probes
 from softseam_services.orchestrator.program import Program
@@ -73,9 +74,11 @@ class Bodies:
         interfaces = scene.interfaces
         self._order = {name: place for place, name in enumerate(interfaces)}
         piled = piles_of(setups, interfaces, self._ladders)
-        self._piles = {model: self._pile(model, names) for model, names in piled.items()}
+        self._piles = {model: self._pile(model, each) for model, each in piled.items()}
         within = {name for pile in self._piles.values() for name in pile.contact_names}
         self._interfaces = interfaces_of(scene, setups, within)
+        guests = [name for pile in self._piles.values() for name in pile.guests]
+        self._touched = {name: setups[name].touched.nodes for name in guests}
         self.named = {
             name: self._ladders[name].begin() if name in self._ladders else self._simulated(name, bundle, setup)
             for name, setup in setups.items()
@@ -87,10 +90,11 @@ class Bodies:
         """those whose bodies step as one part"""
         self._apart = [name for name in self.named if not any(name in pile.names for pile in self._piles.values())]
         tied = islands_of(self.named, (between.bodies for between in self._interfaces.values()))
-        self._joined = [self._join(island) for island in tied if len(island) > 1]
+        self._joined: list[JoinedBodies | Hosting] = [self._join(island) for island in tied if len(island) > 1]
+        self._joined += [self._host(pile) for pile in self._piles.values() if pile.guests]
         self._lone = {island[0]: self.named[island[0]].participants for island in tied if len(island) == 1}
         for pile in self._piles.values():
-            for name in pile.names:
+            for name in (*pile.names, *pile.guests):
                 del self._lone[name]
         mass, tools = {name: setup.body.total_mass for name, setup in setups.items()}, next(iter(setups.values())).tools
         self.overlaps = Overlaps(scene, report)
@@ -110,12 +114,12 @@ class Bodies:
             clock=self._clock,
             tell=self._report if len(self._setups) == 1 else naming(name, self._report),
             gripped=first is None or first.body is self._setups[name].body,
-            joints=joints_of(name, self._interfaces),
+            joints=self._touched[name] if name in self._touched else joints_of(name, self._interfaces),
         )
 
-    def _pile(self, model: str, names: Sequence[str]) -> Pile:
-        n_nodes = sum(self._setups[name].body.n_nodes for name in names)
-        about = model, names, n_nodes, self._bundle, self._scene
+    def _pile(self, model: str, gathered: Gathered) -> Pile:
+        n_nodes = sum(self._setups[name].body.n_nodes for name in gathered.names)
+        about = model, gathered.names, gathered.guests, n_nodes, self._bundle, self._scene
         return Pile(*about, self._transport, self._clock, self._report)
 
     def _transport_of(self, name: str) -> Transport:
@@ -134,6 +138,11 @@ class Bodies:
         }
         bodies = {name: self.named[name] for name in island}
         return JoinedBodies(self._scene, bodies, own, self._transport, self._clock, self._report)
+
+    def _host(self, pile: Pile) -> Hosting:
+        guests = {name: self.named[name] for name in pile.guests}
+        joints = {name: self._touched[name] for name in guests}
+        return Hosting(self._scene, pile, guests, joints, self._transport, self._clock, self._report)
 
     def _woke(self, island: tuple[str, ...], reason: str) -> None:
         self._report("sleep", f"step {self._clock.step}: {', '.join(island)}: {reason}")
@@ -209,7 +218,8 @@ class Bodies:
         if asleep:
             lone = {name: island for name, island in lone.items() if name not in asleep}
             joined = [island for island in joined if island.members.keys().isdisjoint(asleep)]
-        lone |= {pile.part: pile for pile in self._piles.values() if pile.lay(asleep)}
+        steps = {pile.part: pile for pile in self._piles.values() if pile.lay(asleep)}
+        lone |= {part: pile for part, pile in steps.items() if not pile.guests}
         taken = asleep | advance_all(lone, joined, self._transport, motion, fields, then)
         for pile in self.piles:
             pile.take(taken.get(pile.pile.part))

@@ -82,10 +82,12 @@ class BodyTurn:
         dt: float,
         gravity: Floats,
         joints: Mapping[str, Joint] | None = None,
+        moment: Floats | None = None,
     ) -> dict[str, Advanced]:
         """A step was taken: the replies, with momenta and energies as the next step makes them.
 
         joints  what other bodies did to each part
+        moment  of that about the world's origin, where these bodies know it better (3,) [N m]
         """
         turns, start = self._turns, self._sums
         told = dict(replies)
@@ -94,19 +96,23 @@ class BodyTurn:
             self._sums, self._turns = np.full(N_SUMS, np.nan), False
             return told
         self._sums = np.sum([reply.coupling.sums for reply in replies.values()], axis=0)
-        if not turns:
+        if not turns and moment is None:
             return told
         mass, end = start[MASS], self._sums
         before, centre = start[PLACE:MOTION] / mass, end[PLACE:MOTION] / mass
         push, torque = of_tools(replies, models, motion, before, centre)
         push = push + mass * gravity
+        acts = push
         for name, (began, ended, force) in ({} if joints is None else joints).items():
             at = (
                 ended - centre
                 if facts_of(models[name]).forces_at_end
                 else 0.5 * (began + ended) - 0.5 * (before + centre)
             )
-            push, torque = push + force.sum(axis=0), torque + np.cross(at, force).sum(axis=0)
+            push = push + force.sum(axis=0)
+            torque = torque + (np.cross(at, force).sum(axis=0) if moment is None else 0.0)
+        if moment is not None:  # the body's place took up what the force as a whole turns where the step began
+            torque = torque + moment - np.cross(before, push - acts)
         momentum = start[MOTION:ANGULAR] + dt * push
         spin, _ = spin_and_inverse(start)
         found, inverse = spin_and_inverse(end)

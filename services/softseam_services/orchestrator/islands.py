@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.participant import Reply, Request, ToolMotion
+from softseam_services.orchestrator.hosting import Hosting
 from softseam_services.orchestrator.joined_bodies import JoinedBodies
 from softseam_services.orchestrator.participants import Participants
 from softseam_services.orchestrator.pile import Pile
@@ -14,7 +15,7 @@ from softseam_services.orchestrator.transport import Transport
 
 def advance_all(
     islands: Mapping[str, Participants | Pile],
-    joined: Sequence[JoinedBodies],
+    joined: Sequence[JoinedBodies | Hosting],
     transport: Transport,
     motion: ToolMotion,
     fields: bool,
@@ -23,14 +24,14 @@ def advance_all(
     """Advance all bodies by a step; where one fails, none has taken it. What each did, by body.
 
     islands  of one body, by its name, and piles by their parts'
-    joined   of several
+    joined   of several, the pile among them by its part's name
     then     of a lone island, see `Participants.advance`
 
     Those of one part, or of parts that nothing ties, are asked in one exchange; then the others, one after the other.
     Raises StepFailed, ParticipantLost and ParticipantFailed.
     """
     solutions: dict[str, Outcome] = {}
-    taken: list[Participants | Pile | JoinedBodies] = []
+    taken: list[Participants | Pile | JoinedBodies | Hosting] = []
     free = {name: island for name, island in islands.items() if not island.tied}
     alone = len(islands) + len(joined) == 1
     try:

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.loops.loop import Outcome
+from softseam_coupling.islands import islands_of
+from softseam_coupling.loops.loop import Outcome, PartRequest
 from softseam_protocol.messages import participant as messages
 from softseam_protocol.messages.names import within
 from softseam_protocol.messages.outcomes import Status
-from softseam_protocol.messages.pile import Begun
+from softseam_protocol.messages.pile import Begun, Guest, Push
 from softseam_protocol.models import facts_of
 from softseam_protocol.participant.state import join_states, split_states
 from softseam_protocol.scene.interfaces import InterfaceSpec, contacts_among
@@ -31,10 +33,11 @@ from softseam_services.server import Setup
 Ints = NDArray[np.int32]
 
 _NONE: Ints = np.zeros(0, dtype=np.int32)
+_FREE, _AWAKE = np.zeros((0, 3)), np.zeros(0, dtype=np.int8)
 
 
 class Pile:
-    """Bodies of these names, whole, under one model.
+    """Bodies of these names, whole, under one model, which guests may touch, bodies of others.
 
     report  receives the events of all
     """
@@ -43,6 +46,7 @@ class Pile:
         self,
         model: str,
         names: Sequence[str],
+        guests: Sequence[str],
         n_nodes: int,
         bundle: messages.Bundle,
         scene: Scene,
@@ -52,12 +56,15 @@ class Pile:
     ) -> None:
         self.names, self.part = tuple(names), within("pile", model)
         """of its bodies, in their order; id of the part that they are"""
-        found = contacts_among(names, scene.interfaces)
+        self.guests = tuple(guests)
+        """names of bodies of other models that touch it"""
+        found = contacts_among([*names, *guests], scene.interfaces)
         self.contact_names, self.contacts = tuple(found), tuple(found.values())
-        """of the interfaces between its bodies; these"""
+        """of the interfaces between its bodies, and with guests; these"""
         self._place = {name: place for place, name in enumerate(names)}
         self._alone = Parts(self.part, {self.part: model}, {self.part: _NONE}, {self.part: n_nodes}, _NONE)
-        self._asked_through = _ByBody(transport, names)
+        self._asked_through = _ByBody(transport, names, guests)
+        self._clock = clock
         self._held = Participants(
             *(bundle, scene, self._asked_through, clock, report, lambda parts: None, lambda parts, name: None)
         )
@@ -116,16 +123,36 @@ class Pile:
         """Whether something ties it to others: nothing does."""
         return False
 
+    def make_ready(self) -> None:
+        """Be about to ask for a step from where the last one ended."""
+        self._forget()
+        self._held.make_ready()
+
     def requests(self, motion: messages.ToolMotion, fields: bool) -> dict[str, messages.Request]:
         """What its participant is asked for in a step."""
-        self._forget()
-        asked = self._held.requests(motion, fields)
-        if not self.asleep.any():
+        self.make_ready()
+        return self.asked(motion, fields)
+
+    def asked(
+        self, motion: messages.ToolMotion, fields: bool, guests: Sequence[Guest] = ()
+    ) -> dict[str, messages.Request]:
+        """What the next exchange of a step asks its participant for."""
+        asked = self._held.asked({self.part: PartRequest(_FREE)}, self._clock.dt, motion, fields)
+        if not self.asleep.any() and not guests:
             return asked
+        asleep = self.asleep.copy() if self.asleep.any() else _AWAKE
         return {
-            part: replace(request, asleep=self.asleep.copy()) if isinstance(request, messages.Advance) else request
+            part: replace(request, asleep=asleep, guests=list(guests))
+            if isinstance(request, messages.Advance)
+            else request
             for part, request in asked.items()
         }
+
+    def on_guests(self, replies: Mapping[str, messages.Reply]) -> list[Push]:
+        """What acted on its guests, in their order, as its participant has answered."""
+        reply = replies[self.part]
+        assert isinstance(reply, messages.Advanced) and reply.members is not None
+        return reply.members.on_guests
 
     def taken(self, replies: Mapping[str, messages.Reply]) -> Outcome:
         """Its participant has answered `requests`. What is wrong with the step of a body is in its notes."""
@@ -165,8 +192,8 @@ class Pile:
 class _ByBody:
     """A transport that has a part built of several bodies."""
 
-    def __init__(self, inner: Transport, names: Sequence[str]) -> None:
-        self._inner, self._names = inner, list(names)
+    def __init__(self, inner: Transport, names: Sequence[str], guests: Sequence[str]) -> None:
+        self._inner, self._names, self._guests = inner, list(names), list(guests)
         self.states: list[messages.BodyState] = []
         """of the bodies when they are built; empty: to be restored"""
         self.begun: Begun | None = None
@@ -182,7 +209,7 @@ class _ByBody:
 
     def _of_bodies(self, request: messages.Request) -> messages.Request:
         if isinstance(request, messages.Configure):
-            return replace(request, body="", bodies=self._names, states=self.states)
+            return replace(request, body="", bodies=self._names, states=self.states, guests=self._guests)
         return request
 
     def wait_alive(self, participant: str, timeout: float) -> bool:
@@ -230,31 +257,50 @@ class MemberTransport:
         """There is nothing to close."""
 
 
+class Gathered(NamedTuple):
+    """Who is in a pile, and who touches it."""
+
+    names: tuple[str, ...]
+    """of its bodies"""
+    guests: tuple[str, ...]
+
+
 def piles_of(
     setups: Mapping[str, Setup], interfaces: Mapping[str, InterfaceSpec], climbing: Collection[str]
-) -> dict[str, tuple[str, ...]]:
-    """Names of the bodies of each pile, by its model, in the scene's order: those that are whole, and that nothing may
-    cut, climb or join to others. Contact between them is solved in it. A pile of one is a body by itself.
+) -> dict[str, Gathered]:
+    """The bodies of each pile, by its model, in the scene's order: those that are whole, and that nothing may cut,
+    climb or join to others. Contact between them is solved in it, and with bodies of models that visit piles, its
+    guests. A pile of one without guests is a body by itself.
 
     setups      of all bodies, by name
     interfaces  of the scene, by name
     climbing    bodies that may go to another rung
     """
     found: dict[str, list[str]] = {}
+    visitors: list[str] = []
     for name, setup in setups.items():
         regions = setup.scene.regions
         model, whole = regions.default, not regions.cut and regions.goal is None
-        if model and setup.body.has_cells and whole and name not in climbing and facts_of(model).piles:
+        if not (model and setup.body.has_cells and whole and name not in climbing):
+            continue
+        if facts_of(model).piles:
             found.setdefault(model, []).append(name)
-    alone = {model: tuple(_without_joined(names, interfaces)) for model, names in found.items()}
-    return {model: names for model, names in alone.items() if len(names) > 1}
+        elif facts_of(model).visits_piles:
+            visitors.append(name)
+    piles = {model: _gather(names, visitors, interfaces) for model, names in found.items()}
+    return {model: pile for model, pile in piles.items() if len(pile.names) > 1 or (pile.names and pile.guests)}
 
 
-def _without_joined(names: list[str], interfaces: Mapping[str, InterfaceSpec]) -> list[str]:
-    """Bodies that nothing joins to others than these, and nothing to these but contact."""
+def _gather(names: list[str], visitors: list[str], interfaces: Mapping[str, InterfaceSpec]) -> Gathered:
+    """Bodies that nothing joins to others than these and visitors, and nothing to these but contact; of the visitors
+    those that contact ties to them, directly or by others."""
     while True:
-        within = contacts_among(names, interfaces)
+        all_ = [*names, *visitors]
+        within = contacts_among(all_, interfaces)
         joined = {name for key, each in interfaces.items() if key not in within for name in each.between}
-        if joined.isdisjoint(names):
-            return names
-        names = [name for name in names if name not in joined]
+        if joined.isdisjoint(all_):
+            break
+        names, visitors = ([name for name in each if name not in joined] for each in (names, visitors))
+    tied = islands_of(all_, (spec.between for spec in within.values()))
+    met = {name for island in tied if not set(names).isdisjoint(island) for name in island}
+    return Gathered(tuple(names), tuple(name for name in visitors if name in met))

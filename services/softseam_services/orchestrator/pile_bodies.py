@@ -34,7 +34,7 @@ from softseam_services.tools.tool_set import ToolSet
 Floats = NDArray[np.float64]
 
 _FREE = np.zeros((0, 3))
-_ARRAYS = [each.name for each in fields(Members) if each.name not in ("notes", "met")]
+_ARRAYS = [each.name for each in fields(Members) if each.name not in ("notes", "met", "on_guests")]
 _FIGURES = [each for each in Figure if each in _ARRAYS]
 _STILL = {"tool_work": 0, "interface_work": 0, "dissipated": 0, "iterations": 0, "n_substeps": 1}
 """of bodies that sleep through a step"""
@@ -123,7 +123,8 @@ class PileBodies:
 
     def _rests(self, met: Met, asleep: NDArray[np.bool_]) -> bool:
         """Whether one of two bodies in contact is asleep: then the force that holds them stays."""
-        return any(asleep[self.pile.place(name)] for name in self.pile.contacts[met.contact].between)
+        between = self.pile.contacts[met.contact].between
+        return any(name in self.pile.names and asleep[self.pile.place(name)] for name in between)
 
     def stand(self, name: str, reply: Advanced) -> None:
         """A body sleeps, as it stood when it fell asleep."""
@@ -213,7 +214,8 @@ class PileBodies:
         work = step.tool_work + step.interface_work
         dissipation, alarms = self._ledgers.step(energies, work, drive_work - step.tool_work, step.dissipated)
         touches = np.asarray(step.wrench.any(axis=(1, 2)))
-        for place, said in self._losses.follow(step.kinetic, step.strain, dissipation, touches, drive_work).items():
+        losses = np.stack((step.kinetic, step.strain, dissipation, drive_work))
+        for place, said in self._losses.follow(losses, touches).items():
             self._bodies[place].report("damped", f"step {step_number}: {said}")
         self._raised: dict[int, list[Alarm]] = {}
         for known, (alarm, raised) in zip(self._told, alarms.items(), strict=True):

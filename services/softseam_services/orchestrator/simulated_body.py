@@ -84,6 +84,8 @@ class SimulatedBody:
         """whether some need the participants' error indicators"""
         self._near = np.flatnonzero(setup.tools.followed).tolist()
         self._lift_base, self._slip, self._felt = 0.0, 0.0, False
+        self._numbers, self._touches = np.zeros((4, 1)), np.zeros(1, dtype=np.bool_)
+        """of the last step: energies and work [J], and whether tools touched it, as `losses` takes them"""
 
     def reset(self) -> None:
         """Back to the start of the scene."""
@@ -238,11 +240,12 @@ class SimulatedBody:
     def book(self, replies: Mapping[str, Advanced], solution: Outcome, drive_work: float) -> Entry:
         """Enter a step into the balance, with the cut that it was taken with, and what the tools' motion put in [J]."""
         entry = self.balance.book(self.regions.parts, replies, solution, drive_work)
-        touches = np.array([any(reply.wrench.any() for reply in replies.values())])
-        energy = entry.energy
-        numbers = np.array([[energy["kinetic"]], [energy["strain"]], [energy["dissipation"]], [drive_work]])
-        for told in self.losses.follow(numbers[0], numbers[1], numbers[2], touches, numbers[3]).values():
-            self._tell("damped", f"step {self._clock.step - 1}: {told}")
+        self._touches[0] = any(reply.wrench.any() for reply in replies.values())
+        energy, numbers = entry.energy, self._numbers
+        numbers[0], numbers[1], numbers[2] = energy["kinetic"], energy["strain"], energy["dissipation"]
+        numbers[3] = drive_work
+        for said in self.losses.follow(numbers, self._touches).values():
+            self._tell("damped", f"step {self._clock.step - 1}: {said}")
         return entry
 
     def _named(self, quantities: Mapping[str, float]) -> dict[str, float]:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_coupling.kernels.bounces import follow_bounces
 from softseam_protocol.models import some_read
 from softseam_protocol.scene.models import DampingSpec
 from softseam_services.server import Setup
@@ -45,40 +46,16 @@ class StepLosses:
         """all that evolves, a column a body: energies as each was free last, as it came, and lost since, the largest
         that moved or was strained, and what steps took [J]; the worst share of a bounce [1]; 1 for bodies that tools
         have touched, and for those that they touch"""
-        self._seen: tuple[Floats, bytes] = self.state[:0], b""  # of the last step: the state, and what touched
-        self._free, self._any_free = np.ones(len(self._least), dtype=np.bool_), True  # what does not touch
-        self._comes = True  # whether a body that hit something has not bounced yet
+        self._shares = np.zeros(len(self._least))
 
-    def follow(
-        self, kinetic: Floats, strain: Floats, dissipation: Floats, touches: Mask, drive_work: Floats
-    ) -> dict[int, str]:
-        """A step was taken by all, with these energies [J], in which tools that touched each, or none, put this in [J],
-        all (b,); what is to be told of bounces that ended in it, by the place of the body."""
-        state = self.state
-        state[4] += dissipation
-        largest = state[3]
-        np.maximum(largest, kinetic + strain, out=largest)
-        told: dict[int, str] = {}
-        seen = state, touches.tobytes()
-        if self._comes or seen[0] is not self._seen[0] or seen[1] != self._seen[1]:  # hardly ever
-            free, came, lost, _, _, worst, touched, touching = state
-            begins = touches > touching
-            touching[:] = touches
-            np.maximum(touched, touches, out=touched)
-            came[:] = np.where(begins, np.where(free > self._least, free, 0.0), came)
-            came[touches & (drive_work != 0.0)] = 0.0
-            lost[:] = np.where(begins, 0.0, lost) + np.where(touches & (came > 0.0), dissipation, 0.0)
-            ends = (came > 0.0) & (~touches | (kinetic < _REST * came)) & self._watched
-            for place in np.flatnonzero(ends).tolist():
-                share, came[place] = float(lost[place] / came[place]), 0.0
-                if share > max(LIMIT, worst[place]):
-                    worst[place] = share
-                    told[place] = f"{self._said(place)}; {self._advice(place)}"
-            self._seen, self._comes, self._free = seen, bool(came.any()), ~touches
-            self._any_free = bool(self._free.any())
-        if self._any_free:
-            np.copyto(state[0], kinetic, where=self._free)
-        return told
+    def follow(self, step: Floats, touches: Mask) -> dict[int, str]:
+        """A step was taken by all, with these energies, kinetic and of strain, this dissipation, and what tools that
+        touched each put in (4, b) [J]; which of them tools touched (b,). What is to be said of bounces that ended in
+        it, by the place of the body."""
+        shares = self._shares
+        if not follow_bounces(self.state, step, touches, self._least, self._watched, LIMIT, _REST, shares):
+            return {}
+        return {place: f"{self._said(place)}; {self._advice(place)}" for place in np.flatnonzero(shares).tolist()}
 
     def _said(self, place: int) -> str:
         """Of the worst bounce of a body, '' for none."""

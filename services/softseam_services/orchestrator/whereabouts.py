@@ -19,6 +19,7 @@ from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import bounding_points
 from softseam_services.shapes.branches import BOX, PLANE
 from softseam_services.tools.kernels import rotate
+from softseam_services.tools.kernels.beside import find_sides
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
@@ -73,7 +74,7 @@ class Whereabouts:
         across = np.sort(2.0 * tools.shape[:, :3], axis=1)[:, 1]
         plates = solid[:, None] & (tools.kind == BOX) & (across > self._size[:, None])
         self._holding: Mask = plates | (tools.kind == PLANE)  # planes, and plates wider than the body (b, t)
-        self._holders: list[int] = np.flatnonzero(self._holding.any(axis=0)).tolist()
+        self._holds = bool(self._holding.any())
         self.forget()
 
     def forget(self) -> None:
@@ -95,7 +96,7 @@ class Whereabouts:
         (b,), these poses (t, 3) [m], (t, 4)."""
         middle = 0.5 * (bounds[:, 0] + bounds[:, 1])
         known: Mask = np.asarray(np.isfinite(middle).all(axis=1))
-        if self._holders:
+        if self._holds:
             self._look_behind(step, middle, known, position, orientation)
         if len(position) and (may := known & ~self._gone & ~touches).any():
             self._look_away(step, bounds, middle, may, position, orientation)
@@ -105,7 +106,9 @@ class Whereabouts:
         """Tell where a body's middle has come from one side of a tool to the other."""
         across, looked = self._across(middle, position, orientation), known[:, None] & ~self._behind
         came = looked & (across * self._side < 0.0)
-        self._side = np.where(looked & (across != 0.0), across, self._side)
+        np.copyto(self._side, across, where=looked & (across != 0.0))
+        if not came.any():
+            return
         self._behind |= came
         self._gone |= came.any(axis=1)  # said with that
         for place, tool in np.argwhere(came).tolist():
@@ -120,18 +123,9 @@ class Whereabouts:
     def _across(self, middle: Floats, position: Floats, orientation: Floats) -> Floats:
         """How far the bodies' middles (b, 3) [m] are on one side of each tool that is to hold them, negative on the
         other; 0 inside a plate, NaN beside one, and of other tools (b, t) [m]."""
-        found = np.full(self._holding.shape, np.nan)
-        for tool in self._holders:
-            shape = self._tools.shape[tool, :3]
-            if self._tools.kind[tool] == PLANE:
-                found[:, tool] = (middle - position[tool]) @ np.array(rotate(orientation[tool], *shape))
-                continue
-            axes = np.array([rotate(orientation[tool], *axis) for axis in np.eye(3)])
-            at, thin = (middle - position[tool]) @ axes.T, int(shape.argmin())
-            beside = (np.delete(np.abs(at), thin, axis=1) > np.delete(shape, thin)).any(axis=1)
-            inside = np.abs(at[:, thin]) <= shape[thin]
-            found[:, tool] = np.where(beside, np.nan, np.where(inside, 0.0, at[:, thin]))
-        return np.where(self._holding, found, np.nan)
+        found, tools = np.empty(self._holding.shape), self._tools
+        find_sides(middle, tools.kind, tools.shape, self._holding, position, orientation, found)
+        return found
 
     def _look_away(
         self, step: int, bounds: Floats, middle: Floats, may: Mask, position: Floats, orientation: Floats

@@ -25,14 +25,16 @@ from softseam_protocol.messages.participant import (
     Coupled,
     Fields,
 )
-from softseam_protocol.messages.pile import Begun, Members, Met, Note
+from softseam_protocol.messages.pile import Begun, Members, Met, Note, Push
 from softseam_protocol.participant.state import join_states, split_states
 from softseam_services.body.body import Floats
 from softseam_services.body.kernels.bounds import bound_points
+from softseam_services.body.sampled_faces import SampledFaces
 from softseam_services.request_check import problem_of
 
 from . import watch
 from .between import Between, Contact
+from .guests import Guests
 from .kernels import pile as of_pile
 from .kernels import summary as k
 from .kernels import trust
@@ -53,9 +55,14 @@ class PileSolver:
     """Whole bodies with the same tools, each a region. Implements `Solver`."""
 
     def __init__(
-        self, setups: Sequence[Setup], states: Sequence[BodyState], contacts: Mapping[str, Contact] | None = None
+        self,
+        setups: Sequence[Setup],
+        states: Sequence[BodyState],
+        contacts: Mapping[str, Contact] | None = None,
+        guests: Sequence[SampledFaces] = (),
     ) -> None:
-        """states: of each; empty: all at rest. contacts: between them, by the names of the interfaces"""
+        """states: of each; empty: all at rest. contacts: between them, by the names of the interfaces. guests: of
+        bodies of other models that these meet, too"""
         self._dt = setups[0].scene.step
         self._all = Pieces(setups)
         self.pieces = self._all.each
@@ -67,7 +74,8 @@ class PileSolver:
         b = len(self.pieces)
         self._inputs, self._team, self._ws = new_inputs(self._n_tools, 0), new_team(alone=True), new_workspace()
         self._notes = np.zeros((b, of_pile.N_NOTES), dtype=np.int64)
-        self._between = Between(contacts or {}, self._all)
+        self._guests = Guests(guests, len(setups))
+        self._between = Between(contacts or {}, self._all, self._guests)
         self._same = np.zeros(b, dtype=np.bool_)  # both states are the same: those that were asleep
         for number, piece in enumerate(self.pieces):
             handed = states[number] if states else None
@@ -110,7 +118,7 @@ class PileSolver:
     def advance(self, request: Advance) -> Advanced:
         began = time.perf_counter()
         asleep = request.asleep.astype(np.bool_) if len(request.asleep) else np.zeros(len(self.pieces), np.bool_)
-        refused = problem_of(request, self._n_tools, 0)
+        refused = problem_of(request, self._n_tools, 0) or self._guests.problem_of(request.guests)
         if len(asleep) != len(self.pieces):
             refused = f"the pile has {len(self.pieces)} bodies: asleep is of {len(asleep)}"
         if refused:
@@ -122,13 +130,15 @@ class PileSolver:
         place_tools(self._inputs, request.tools)
         kernels, apart = awake[~self._apart[awake]], awake[self._apart[awake]]
         rows, between, working = self._rows[self._now], self._between, (self._team, self._ws, self._notes)
-        groups = between.find(rows, asleep, self._now, request.dt)
-        alone = np.setdiff1d(kernels, np.concatenate([bodies for bodies, _ in groups])) if groups else kernels
+        away = self._guests.take(request.guests)
+        groups = between.find(rows, np.concatenate([asleep, away]), self._now, request.dt)
+        alone = np.setdiff1d(kernels, np.concatenate([each.bodies for each in groups])) if groups else kernels
         of_pile.advance_bodies(rows, alone, self._inputs, request.dt, *working)
-        for bodies, met in groups:
+        for each in groups:
             advance_group(
-                *(rows, bodies, met, between.touch, between.forces[self._now], between.forces[1 - self._now]),
-                *(self._all.xw, between.centre, self._inputs, request.dt, *working),
+                *(rows, tuple(each), between.touch, between.forces[self._now], between.forces[1 - self._now]),
+                *(self._guests.patches, self._guests.arrays, self._all.xw, between.centre, self._inputs, request.dt),
+                *working,
             )
         dissipated = np.zeros(len(self.pieces))
         notes = {int(number): self._step_apart(int(number), request, dissipated) for number in apart}
@@ -138,7 +148,7 @@ class PileSolver:
         self._tentative = True
         stepped = Stepped(
             *(self._all.results, self._all.wrenches, self._notes[:, of_pile.SWEPT], self._notes[:, of_pile.SUBSTEPS]),
-            *(dissipated, between.met),
+            *(dissipated, between.met, self._guests.felt()),
         )
         reply = reply_of(request.header, awake, stepped, notes, time.perf_counter() - began)
         return replace(reply, fields=self.fields(request.header)) if request.fields else reply
@@ -235,6 +245,7 @@ class PileSolver:
     def snapshot(self) -> bytes:
         """Commit, then the snapshots of all bodies, see `softseam_protocol.participant.state`."""
         self.commit()
+        self._guests.forget()
         touched = (self._between.of_body(number, self._now) for number in range(len(self.pieces)))
         states = zip(map(self._committed, self.pieces), touched, strict=True)
         return join_states(encode_state(state, forces) for state, forces in states)
@@ -257,6 +268,7 @@ class PileSolver:
             between.load(number, self._now, own)
         self._tentative = False
         self._same[:] = False
+        self._guests.forget()
         self._see_unshared()
 
 
@@ -277,7 +289,8 @@ class Stepped(NamedTuple):
     dissipated: Floats
     """(b,) [J]"""
     met: list[Met]
-    """what contacts between them did"""
+    """what contacts between them, and with guests, did"""
+    on_guests: list[Push]
 
 
 def reply_of(
@@ -312,6 +325,7 @@ def reply_of(
         notes,
         stepped.met,
         rows[k.SEAM_WORK],
+        stepped.on_guests,
     )
     bounds = np.zeros((2, 3))
     if len(awake):

@@ -89,6 +89,8 @@ class Pieces:
         nodes = np.cumsum([0, *(each[0] + _PADDING for each in sizes)])
         self.xw: Floats = aligned(int(nodes[-1]), 4)
         """positions [m] and inverse masses [1/kg] within a step, of each body's nodes and then its padding"""
+        self.n_rows = int(nodes[-1])
+        """of the bodies there"""
         self.first_row = nodes[:-1].astype(np.int32)
         """row of each body's first node there (b,)"""
         self.each: list[Piece] = []

@@ -40,17 +40,18 @@ def build(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Confi
     return solver, Configured(request.header, *size, solver.substeps, solver.strain, *moving, 0.0, solver.capabilities)
 
 
-def build_pile(setups: Sequence[Setup], request: Configure) -> tuple[Solver, Configured]:
+def build_pile(setups: Sequence[Setup], guests: Sequence[Setup], request: Configure) -> tuple[Solver, Configured]:
     """A pile of bodies in cells."""
     from softseam_services.pbd.between import Contact
     from softseam_services.pbd.pile import PileSolver
 
-    places, scene = {name: place for place, name in enumerate(request.bodies)}, scene_from_bundle(request.bundle)
+    names, scene = [*request.bodies, *request.guests], scene_from_bundle(request.bundle)
+    places = {name: place for place, name in enumerate(names)}
     contacts = {
         name: Contact((places[spec.between[0]], places[spec.between[1]]), spec.friction)
-        for name, spec in contacts_among(request.bodies, scene.interfaces).items()
+        for name, spec in contacts_among(names, scene.interfaces).items()
     }
-    solver = PileSolver(setups, request.states, contacts)
+    solver = PileSolver(setups, request.states, contacts, [setup.touched for setup in guests])
     n_nodes = sum(piece.model.n_nodes for piece in solver.pieces)
     n_cells = sum(piece.body.n_cells for piece in solver.pieces)
     begun = solver.begun

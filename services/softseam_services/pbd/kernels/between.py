@@ -40,21 +40,25 @@ on both bodies [J], and the impulse on the first (3,) [N s]"""
 
 @record
 class Touch(NamedTuple):
-    """What touches what in a pile: b bodies, p points of their surfaces, t triangles between these, m meetings of two
-    bodies, r rows."""
+    """What touches what in a pile: b bodies, its own and then guests, p points of their surfaces, t triangles between
+    these, m meetings of two bodies, r rows."""
 
     first: Ints
     """of the points of each body (b + 1,)"""
     node: Ints
     """of each point, in its body (p,)"""
     row: Ints
-    """of each body's first node in the pile's xw (b,)"""
+    """of each body's first node in the pile's xw (b,); guests' are after these, and not there"""
+    number: Ints
+    """point of each row, counted from the first of its body, -1 of nodes that are none"""
     first_triangle: Ints
     """(b + 1,)"""
     corners: Ints
     """of triangles, points of their body, counted from its first (t, 3)"""
     area: Floats
     """that each point stands for (p,) [m^2]"""
+    inverse_mass: Floats
+    """of each (p,) [1/kg], 0 of guests'"""
     yields: Floats
     """how far the surface of each body sinks in under a pressure (b,) [m/Pa]"""
     spacing: Floats
@@ -63,6 +67,8 @@ class Touch(NamedTuple):
     """bodies that meet (m, 2)"""
     friction: Floats
     """(m,)"""
+    presses: Floats
+    """how much of its area each of the two presses with (m, 2) [1]"""
     place: Ints
     """of the forces on the points of each of the two, among all (m, 2)"""
     at: Floats
@@ -88,8 +94,9 @@ class Touch(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def find_rows(members, touch, asleep, held, kept, dt):
-    """Rows of a step of dt [s] from where bodies are, but of meetings of which a body is asleep (b,).
+def find_rows(members, n_own, touch, asleep, held, kept, dt):
+    """Rows of a step of dt [s] from where bodies are, but of meetings of which a body is asleep (b,). Guests, whose
+    numbers are n_own and more, have their points in `touch` already; rows with them are for `patches`.
 
     held, kept  forces on points between bodies as the step begins (f, 3) [N], and as it ends: so far of those asleep
     """
@@ -98,11 +105,12 @@ def find_rows(members, touch, asleep, held, kept, dt):
         begin, end = first[body], first[body + 1]
         if begin == end or asleep[body]:
             continue
-        x, v = members[body].before.x, members[body].before.v
-        for i in range(begin, end):
-            for c in range(3):
-                touch.at[i, c] = x[touch.node[i], c]
-                touch.to[i, c] = touch.at[i, c] + dt * v[touch.node[i], c]
+        if body < n_own:
+            x, v = members[body].before.x, members[body].before.v
+            for i in range(begin, end):
+                for c in range(3):
+                    touch.at[i, c] = x[touch.node[i], c]
+                    touch.to[i, c] = touch.at[i, c] + dt * v[touch.node[i], c]
         _find_way(touch.at[begin:end], touch.to[begin:end], touch.way[body])
         own = corners[first_triangle[body] : first_triangle[body + 1]]
         point_normals(touch.to[begin:end], own, touch.out[begin:end])
@@ -114,15 +122,17 @@ def find_rows(members, touch, asleep, held, kept, dt):
         stand(touch, meeting, held, kept, 1.0 if still else 0.0)
         if still:
             continue
-        n = _find_of(members, touch, meeting, 0, n)
-        n = _find_of(members, touch, meeting, 1, n)
+        n = _find_of(touch, meeting, 0, n)
+        n = _find_of(touch, meeting, 1, n)
     touch.start[len(touch.pair)] = n
 
 
 @njit(cache=True, error_model="numpy")
-def _find_of(members, touch, meeting, side, n):
+def _find_of(touch, meeting, side, n):
     """Rows of the points of one of the bodies that meet, after n others; returns how many there are then."""
     own, other = touch.pair[meeting, side], touch.pair[meeting, 1 - side]
+    if touch.presses[meeting, side] == 0.0:
+        return n
     reach = REACH * min(touch.spacing[own], touch.spacing[other])
     begin, end, theirs = touch.first[own], touch.first[own + 1], touch.first[other]
     way = touch.way[own, 3] + touch.way[other, 3]
@@ -178,15 +188,15 @@ def _find_of(members, touch, meeting, side, n):
         ints[OWN], ints[OTHER] = own, other
         ints[PLACE] = touch.place[meeting, side] + near[i]
         ints[POINT] = touch.row[own] + touch.node[point]
-        gives = members[own].parameters.inverse_mass[touch.node[point]]
+        gives = touch.inverse_mass[point]
         corners = some[face[i]]
         _project(points[near[i]], faces[corners[0]], faces[corners[1]], faces[corners[2]], share[i])
         for k in range(3):
-            node = touch.node[theirs + corners[k]]
-            ints[CORNER + k] = touch.row[other] + node
-            gives += share[i, k] ** 2 * members[other].parameters.inverse_mass[node]
+            ints[CORNER + k] = touch.row[other] + touch.node[theirs + corners[k]]
+            gives += share[i, k] ** 2 * touch.inverse_mass[theirs + corners[k]]
             row[SHARE + k], row[NORMAL + k] = share[i, k], normal[i, k]
-        row[SOFT] = 2.0 * (touch.yields[own] + touch.yields[other]) / (covered * touch.area[point])
+        area = covered * touch.presses[meeting, side] * touch.area[point]
+        row[SOFT] = (touch.yields[own] + touch.yields[other]) / area
         row[GIVES], row[RUB] = gives, touch.friction[meeting]
         n += 1
     return n

@@ -12,7 +12,9 @@ from softseam_services.jit import njit
 from .between import account_rows, begin_rows, keep_rows, open_rows, project_rows, pull_rows, stand
 from .contact import account_pairs, project_contacts
 from .damping import damping_share
+from .guests import begin_guests, end_guests, place_guests, project_patches, push_guests
 from .hold import soften_held_blocks
+from .patches import account_patches, begin_patches, keep_patches, open_patches, pull_patches
 from .pile import CAUSE, FAULT, begin_attempt, end_attempt, judge, keep_figures, substeps_and_sweeps
 from .relax import end_together, sweep_round
 from .substep import (
@@ -27,6 +29,9 @@ from .substep import (
 )
 from .summary import SEAM_WORK
 from .trust import COLD, DIVERGED, NONE, RETRIES
+
+ALONE = 8
+"""substeps, and sweeps of each, of guests that touch none but one another"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -49,10 +54,13 @@ def _find_centre(member, xw, first, centre):
 
 
 @njit(cache=True, error_model="numpy")
-def _substep(members, bodies, meetings, touch, xw, centre, inputs, dt, n_substeps, n_sweeps, substep, team, ws):
+def _substep(members, group, touch, patches, guests, xw, centre, inputs, dt, n_substeps, n_sweeps, substep, team, ws):
     """A substep of bodies that meet."""
+    bodies, which, meetings, visits = group
     h = dt / n_substeps
     open_rows(touch, meetings, xw)
+    open_patches(patches, visits, xw, guests)
+    place_guests(guests, which, patches, visits, substep, n_substeps)
     for body in bodies:
         one = members[body]
         _find_centre(one, xw, touch.row[body], centre[body])
@@ -67,6 +75,7 @@ def _substep(members, bodies, meetings, touch, xw, centre, inputs, dt, n_substep
                 *(one.all, 0, team, 0, 0, ws),
             )
         project_rows(touch, meetings, xw, h * h)
+        project_patches(patches, visits, xw, h * h, guests, n_substeps)
         for body in bodies:
             one = members[body]
             project_contacts(one.model, one.parameters, one.scratch.contacts, one.scratch.xw, h * h, True)
@@ -79,12 +88,14 @@ def _substep(members, bodies, meetings, touch, xw, centre, inputs, dt, n_substep
             end_together(one.model, one.after.stress, one.scratch, share, 0, team, 0, 0)
         finish_all(one.after, one.scratch, h, team, 0, 0, 0)
         account_pairs(one.model, one.parameters, one.scratch.contacts, one.scratch.xw, 1.0 / n_substeps)
+    push_guests(guests, which, patches, visits)
 
 
 @njit(cache=True, error_model="numpy")
-def _attempt(members, bodies, meetings, touch, held, xw, centre, inputs, number, dt, team, ws, notes):
+def _attempt(members, group, touch, held, patches, guests, xw, centre, inputs, number, dt, team, ws, notes):
     """One attempt at a step of bodies that touch."""
-    n_substeps, n_sweeps = 1, 0
+    bodies, which, meetings, visits = group
+    n_substeps, n_sweeps = (1, 0) if len(bodies) else (ALONE, ALONE)
     for body in bodies:
         begin_attempt(members[body], inputs, number, dt)
         own_substeps, own_sweeps = substeps_and_sweeps(members[body], number)
@@ -99,15 +110,24 @@ def _attempt(members, bodies, meetings, touch, held, xw, centre, inputs, number,
         pull_blocks(one.model, one.parameters, one.after, one.scratch, one.all, team, 0, 0, 0, ws)
     begin_rows(touch, meetings, held, number >= COLD)
     pull_rows(members, touch, meetings)
+    begin_patches(patches, visits, held, number >= COLD)
+    pull_patches(members, touch, patches, visits)
+    begin_guests(guests, which, patches, visits, n_substeps)
     for meeting in meetings:
+        touch.met[meeting, :] = 0.0
+    for meeting in visits:
         touch.met[meeting, :] = 0.0
     for body in bodies:
         one = members[body]
         carried(one.model, one.parameters, one.after, one.scratch.xw, one.scratch.pull)
     for substep in range(n_substeps):
-        _substep(*(members, bodies, meetings, touch, xw, centre, inputs, dt, n_substeps, n_sweeps, substep, team, ws))
+        _substep(
+            *(members, group, touch, patches, guests, xw, centre, inputs, dt, n_substeps, n_sweeps, substep, team, ws),
+        )
         for meeting in meetings:
             account_rows(touch, meeting, xw, centre, h)
+        for meeting in visits:
+            account_patches(touch, patches, meeting, xw, guests, centre, h, n_substeps)
     for body in bodies:
         one = members[body]
         share = _share(one, h, n_sweeps)
@@ -115,24 +135,26 @@ def _attempt(members, bodies, meetings, touch, held, xw, centre, inputs, number,
         close_step(one.model, one.parameters, one.after, inputs, one.scratch, one.outputs, n_substeps, 0.0)
         one.outputs.result[SEAM_WORK] = touch.work[body]
         end_attempt(one, number, dt, n_substeps, n_sweeps, touch.turned[body], notes[body])
+    end_guests(guests, which, n_substeps, False)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def advance_group(members, bodies, meetings, touch, held, kept, xw, centre, inputs, dt, team, ws, notes):
+def advance_group(members, group, touch, held, kept, patches, guests, xw, centre, inputs, dt, team, ws, notes):
     """A step of dt [s] of bodies that touch, from their `before` into their `after`, tried until all are believed.
 
-    bodies      their numbers, ascending (k,)
-    meetings    between them, ascending (m,)
+    group       numbers of bodies, of guests that touch them, of meetings between bodies, and of those with guests, each
+                ascending
     held, kept  forces on points between bodies as the step begins, and as it ends (f, 3) [N]
     xw          positions and inverse masses of all bodies of the pile
     centre      scratch (b, 3)
     notes       of each body (b, N_NOTES), overwritten for these
     """
+    bodies, which, meetings, visits = group
     for body in bodies:
         notes[body, :] = 0
     causes = np.full(len(bodies), NONE)
     for number in range(RETRIES + 1):
-        _attempt(members, bodies, meetings, touch, held, xw, centre, inputs, number, dt, team, ws, notes)
+        _attempt(members, group, touch, held, patches, guests, xw, centre, inputs, number, dt, team, ws, notes)
         again = False
         for i in range(len(bodies)):
             body = bodies[i]
@@ -152,3 +174,11 @@ def advance_group(members, bodies, meetings, touch, held, kept, xw, centre, inpu
             touch.met[meeting, :] = 0.0
         else:
             keep_rows(touch, meeting, kept)
+    for meeting in visits:
+        if lost:
+            stand(touch, meeting, held, kept, 1.0)
+            touch.met[meeting, :] = 0.0
+        else:
+            keep_patches(patches, meeting, kept)
+    if lost:
+        end_guests(guests, which, 1, True)

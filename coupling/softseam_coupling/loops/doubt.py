@@ -1,0 +1,44 @@
+"""How far a part's linear answer is what the part would do: a share kappa of the move, seen when a step was redone."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.loops.loop import largest
+
+Floats = NDArray[np.float64]
+
+__all__ = ["EXACT", "FIRST_DOUBT", "FORCE_EXCHANGES", "grown", "is_force_known", "is_linear_enough"]
+
+FIRST_DOUBT = 0.3
+"""kappa of a part of which nothing is known [1]"""
+_DOUBT = 1.1
+"""growth of a kappa in a step that does not measure it [1]"""
+_SMALL = 0.02
+"""largest move that is not doubted, in cells [1]"""
+_DOUBTED_FORCE = 10.0
+"""largest force that is doubted, as a share of all multipliers, over the tolerance as a share of a cell [1]"""
+FORCE_EXCHANGES = 4
+"""exchanges in which a step is redone for a force: after these the gap alone counts"""
+EXACT = 1e-8
+"""share of the tolerance to which the gaps are closed linearly; moves below it are rounding: they measure no kappa, and
+stand for no force [1]"""
+
+
+def grown(kappa: float) -> float:
+    """Of a part, after a step that did not measure it."""
+    return min(1.0, _DOUBT * kappa)
+
+
+def is_linear_enough(kappa: float, move: Floats, cell: float, tolerance: float) -> bool:
+    """Whether a linear answer (n, 3) [m] is what the part would do, to the tolerance [m]; cell: an edge [m]."""
+    length = largest(move)
+    return length <= _SMALL * cell and kappa * length <= tolerance
+
+
+def is_force_known(kappa: float, move: Floats, push: Floats, found: float, cell: float, tolerance: float) -> bool:
+    """Whether the force behind a linear answer (n, 3) [N] is doubted by little beside what is found in all [N]."""
+    if largest(move) <= EXACT * tolerance:
+        return True
+    return kappa * float(np.abs(push).sum()) <= _DOUBTED_FORCE * tolerance / cell * found

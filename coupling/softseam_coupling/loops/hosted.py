@@ -1,0 +1,180 @@
+"""How bodies of other models take a step with a pile that they touch: they first, the pile then, and they once more.
+
+Each guest advances under the forces that it felt in the step before, and answers by R (`root`). The pile takes its
+substeps with the guests' surfaces going along, linearly (services/softseam_services/pbd/kernels/guests.py), and says
+what mean force acted on each. By the change of force each guest is moved on; where its linear answer is doubted
+(`doubt`), all redo the step under the forces found. No compliance of the pile is asked for, whose stiffness and
+substeps need no tuning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_coupling.loops.doubt import (
+    EXACT,
+    FIRST_DOUBT,
+    FORCE_EXCHANGES,
+    grown,
+    is_force_known,
+    is_linear_enough,
+)
+from softseam_coupling.loops.loop import (
+    NOT_CONVERGED,
+    Ask,
+    Correction,
+    Outcome,
+    PartRequest,
+    StepDiverged,
+    largest,
+)
+from softseam_protocol.messages.participant import Advanced
+from softseam_protocol.messages.pile import Guest, Push
+
+Floats = NDArray[np.float64]
+
+__all__ = ["Hosted"]
+
+AskPile = Callable[[list[Guest]], list[Push]]
+"""has the pile take the step with its guests as they are said to be, in their order; what acted on each"""
+CorrectGuests = Callable[[dict[str, Correction]], dict[str, Advanced]]
+
+_NO_MATRIX, _NO_ROWS = np.zeros((0, 0)), np.zeros((0, 3))
+
+
+class Hosted:
+    """The guests of a pile.
+
+    x           their nodes as they begin, by part (n, 3) [m]
+    mobility    1/mass of these (n,) [1/kg]
+    tolerance   by which they may miss where linear answers have them [m]
+    cell        edge of the smallest cell [m]
+    exchanges   most that a step takes
+    """
+
+    def __init__(
+        self,
+        x: Mapping[str, Floats],
+        mobility: Mapping[str, Floats],
+        tolerance: float,
+        cell: float,
+        exchanges: int,
+    ) -> None:
+        self._mobility, self._tolerance, self._cell, self._most = mobility, tolerance, cell, exchanges
+        self.x = {name: own.copy() for name, own in x.items()}
+        """where their nodes are, by part (n, 3) [m]"""
+        self.force = {name: np.zeros_like(own) for name, own in x.items()}
+        """that they felt in the last step (n, 3) [N]"""
+        self._kappa = dict.fromkeys(x, FIRST_DOUBT)
+        self._root: dict[str, Floats] = dict.fromkeys(x, _NO_MATRIX)
+        self._sent: dict[str, bool] = dict.fromkeys(x, False)
+
+    def forget_sent(self) -> None:
+        """Parts took a snapshot or were restored: they report anew how they answer, and the pile is sent it again."""
+        self._root = dict.fromkeys(self._root, _NO_MATRIX)
+        self._sent = dict.fromkeys(self._sent, False)
+
+    def solve(self, ask: Ask, ask_pile: AskPile, correct: CorrectGuests, dt: float) -> Outcome:
+        """Take a step of dt [s]; the guests' replies. Raises StepDiverged. A step that fails changes nothing but what
+        was learned of how guests answer."""
+        kappa = dict(self._kappa)
+        try:
+            return self._solve(ask, ask_pile, correct, dt)
+        except BaseException:
+            self._kappa = kappa
+            self.forget_sent()
+            raise
+
+    def _solve(self, ask: Ask, ask_pile: AskPile, correct: CorrectGuests, dt: float) -> Outcome:
+        held, expected = self.force, dict[str, tuple[Floats, Floats]]()
+        for exchange in range(1, self._most + 1):
+            replies = ask({name: PartRequest(held[name], repeat=not self._root[name].size) for name in self.x})
+            self._receive(replies, dt)
+            self._measure(replies, expected)
+            guests = [self._guest(name, replies[name], held[name]) for name in self.x]
+            felt = {name: push.force for name, push in zip(self.x, ask_pile(guests), strict=True)}
+            self._sent = dict.fromkeys(self._sent, True)
+            pushes = {name: felt[name] - held[name] for name in self.x}
+            moves = {name: self._answer(name, push) for name, push in pushes.items()}
+            if not all(np.isfinite(move).all() for move in moves.values()):
+                raise StepDiverged("a guest's answer is not finite")
+            corrects = all(reply.coupling.correctable for reply in replies.values())
+            if corrects and (exchange == self._most or self._are_known(moves, pushes, felt, exchange)):
+                replies = correct({name: Correction(pushes[name], felt[name]) for name in self.x})
+                return self._commit(replies, felt, moves, exchange, bool(expected))
+            if not corrects and not any(largest(move) > 0.5 * self._tolerance for move in moves.values()):
+                return self._commit(replies, held, moves, exchange, bool(expected))
+            expected = {name: (replies[name].coupling.x + moves[name], moves[name]) for name in self.x}
+            held = felt
+        return self._commit(replies, held, moves, self._most, True, NOT_CONVERGED)
+
+    def _guest(self, name: str, reply: Advanced, force: Floats) -> Guest:
+        return Guest(self.x[name], reply.coupling.x, force, _NO_MATRIX if self._sent[name] else self._root[name])
+
+    def _receive(self, replies: Mapping[str, Advanced], dt: float) -> None:
+        """Take how parts answer; those that cannot say, as their masses would."""
+        for name, reply in replies.items():
+            root = reply.coupling.root
+            if root.size and np.isfinite(root).all():
+                self._root[name], self._sent[name] = root, False
+            elif not self._root[name].size:
+                self._root[name] = np.diag(np.sqrt(dt * dt * np.repeat(self._mobility[name], 3)))
+
+    def _answer(self, name: str, push: Floats) -> Floats:
+        root = self._root[name]
+        return np.asarray((root @ (root.T @ push.reshape(-1))).reshape(-1, 3))
+
+    def _measure(self, replies: Mapping[str, Advanced], expected: Mapping[str, tuple[Floats, Floats]]) -> None:
+        """A step was redone: compare where guests went with their linear answers."""
+        for name, (place, move) in expected.items():
+            went = largest(move)
+            if went > EXACT * self._tolerance:
+                self._kappa[name] = largest(replies[name].coupling.x - place) / went
+
+    def _are_known(
+        self, moves: Mapping[str, Floats], pushes: Mapping[str, Floats], felt: Mapping[str, Floats], exchange: int
+    ) -> bool:
+        """Whether no linear answer is doubted, nor, in the first exchanges, the force behind one."""
+        of = self._cell, self._tolerance
+        found = float(sum(np.abs(force).sum() for last in (felt, self.force) for force in last.values()))
+        return all(
+            is_linear_enough(self._kappa[name], move, *of)
+            and (exchange > FORCE_EXCHANGES or is_force_known(self._kappa[name], move, pushes[name], found, *of))
+            for name, move in moves.items()
+        )
+
+    def _commit(
+        self,
+        replies: dict[str, Advanced],
+        force: dict[str, Floats],
+        moves: Mapping[str, Floats],
+        exchanges: int,
+        measured: bool,
+        note: str = "",
+    ) -> Outcome:
+        self.x = {name: reply.coupling.x for name, reply in replies.items()}
+        self.force = force
+        if not measured:
+            self._kappa = {name: grown(kappa) for name, kappa in self._kappa.items()}
+        gap = max((largest(move) for move in moves.values()), default=0.0) if note else 0.0
+        return Outcome(replies, _NO_ROWS, gap, exchanges, note)
+
+    def to_arrays(self) -> dict[str, Floats]:
+        """Everything that evolves, but what the parts report anew, for a snapshot."""
+        arrays = {f"x.{name}": x for name, x in self.x.items()}
+        arrays |= {f"force.{name}": force for name, force in self.force.items()}
+        return arrays | {f"kappa.{name}": np.array([kappa]) for name, kappa in self._kappa.items()}
+
+    def take(self, arrays: Mapping[str, Floats]) -> None:
+        """Continue from `to_arrays`. Raises KeyError or ValueError, and changes nothing, where these are of others."""
+        for name, x in self.x.items():
+            if arrays[f"x.{name}"].shape != x.shape or arrays[f"force.{name}"].shape != x.shape:
+                raise ValueError(f"the saved guests have no {len(x)} nodes of {name!r}")
+        kappa = {name: float(arrays[f"kappa.{name}"][0]) for name in self.x}
+        self.x = {name: np.array(arrays[f"x.{name}"]) for name in self.x}
+        self.force = {name: np.array(arrays[f"force.{name}"]) for name in self.x}
+        self._kappa = kappa
+        self.forget_sent()

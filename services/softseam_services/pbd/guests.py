@@ -1,0 +1,163 @@
+"""Bodies of other models that touch a pile, as its contacts meet them; see `kernels.guests` and `kernels.patches`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from softseam_protocol.messages.pile import Guest, Push
+from softseam_services.body.body import Floats
+from softseam_services.body.sampled_faces import SampledFaces
+
+from .kernels.between import Touch
+from .kernels.guests import Guests as Arrays
+from .kernels.patches import BODY, GUEST, GUEST_SLOT, N_INTS, N_NUMBERS, PLACE, SLOT, Patches, gather_patches
+
+Mask = NDArray[np.bool_]
+
+_ALIKE = 0.001
+"""by which weights of patches may differ from those with which a guest's answer was found [1]"""
+_NONE = np.zeros((0, 0))
+
+
+class Guests:
+    """Those of one pile, in its order; n_own: bodies of the pile."""
+
+    def __init__(self, faces: Sequence[SampledFaces], n_own: int) -> None:
+        self.faces, self._n_own = faces, n_own
+        g, first = len(faces), np.cumsum([0, *(len(each.area) for each in faces)])
+        self._own = [slice(int(a), int(b)) for a, b in pairwise(first)]
+        q = int(first[-1])
+        self.came, self.goes = np.zeros((q, 3)), np.zeros((q, 3))
+        """points as the step begins, and as it ends under the forces that were thought to act (q, 3) [m]"""
+        self._among = np.concatenate([np.zeros((0, 4), np.int32), *(each.among for each in faces)])
+        self._part = np.concatenate([np.zeros((0, 4)), *(each.part for each in faces)])
+        self._root = [_no_root(each) for each in faces]
+        self._held = [np.zeros((len(each.nodes), 3)) for each in faces]
+        self._weights = [csr_array((0, len(each.nodes))) for each in faces]  # of nodes in patches
+        self._sampled = [csr_array((0, len(each.area))) for each in faces]  # and of points
+        self._answered: list[csr_array | None] = [None] * g  # weights with which answers were found
+        self._answers = [_NONE] * g
+
+    def make_room(self, n_meetings: int, n_patches: int, n_nodes: int, n_entries: int) -> None:
+        """For patches of so many meetings, with so many nodes, and points of guests."""
+        self.patches = Patches(
+            start=np.zeros(n_meetings + 1, dtype=np.int32),
+            ints=np.zeros((n_patches, N_INTS), dtype=np.int32),
+            rows=np.zeros((n_patches, N_NUMBERS)),
+            began=np.zeros((n_patches, 2, 3)),
+            node=np.zeros(n_nodes, dtype=np.int32),
+            weight=np.zeros(n_nodes),
+            slot=np.zeros((n_entries, 3), dtype=np.int32),
+            share=np.zeros(n_entries),
+            n_slots=np.zeros(len(self.faces), dtype=np.int32),
+        )
+        """of a step, as kernels take them"""
+        self._show(np.zeros((0, 3)))
+
+    def problem_of(self, said: Sequence[Guest]) -> str:
+        """What is wrong with what a request says of them; '' where nothing is."""
+        if len(said) != len(self.faces):
+            return f"the pile was configured with {len(self.faces)} guests: the step is of {len(said)}"
+        for place, (one, faces) in enumerate(zip(said, self.faces, strict=True)):
+            if not len(one.x):
+                continue
+            n, root = len(faces.nodes), one.root
+            if any(each.shape != (n, 3) for each in (one.x, one.x_next, one.force)):
+                return f"nodes of guest {place} need the shape ({n}, 3)"
+            if root.size and len(root) != 3 * n:
+                return f"the root of guest {place} has {len(root)} rows in place of {3 * n}"
+            if not root.size and not self._root[place].size:
+                return f"guest {place} comes without a root, and none came since the last snapshot: send it again"
+            if not all(np.isfinite(each).all() for each in (one.x, one.x_next, one.force, root)):
+                return f"what is said of guest {place} is not finite"
+        return ""
+
+    def take(self, said: Sequence[Guest]) -> Mask:
+        """A step begins, of which this is said; which of them sleep (g,)."""
+        for place, (one, faces) in enumerate(zip(said, self.faces, strict=True)):
+            if not len(one.x):
+                continue
+            if one.root.size:
+                self._root[place], self._answered[place] = one.root, None
+            own, self._held[place] = self._own[place], one.force
+            self.came[own], self.goes[own] = faces.places(one.x), faces.places(one.x_next)
+        return np.array([not len(one.x) for one in said], dtype=np.bool_)
+
+    def gather(self, touch: Touch, held: Floats) -> None:
+        """Rows were found: make their patches, which begin with forces of these (f, 3) [N], and find how they move one
+        another."""
+        patches = self.patches
+        n = gather_patches(touch, patches, self._n_own, self._among, self._part)
+        slot, share = patches.slot[:n], patches.share[:n]
+        for place, faces in enumerate(self.faces):
+            own = slot[:, 0] == place
+            shape = int(patches.n_slots[place]), len(faces.area)
+            weights = csr_array((share[own], (slot[own, 1], slot[own, 2])), shape=shape)
+            self._weights[place] = weights @ faces.weights
+            self._sampled[place] = weights
+            known = self._answered[place]
+            alike = known is not None and known.shape == shape
+            if alike and (not shape[0] or abs(known - weights).max() <= _ALIKE):
+                continue
+            root = self._root[place]
+            rows = np.asarray(self._weights[place] @ root.reshape(-1, 3 * root.shape[1]))
+            rows = rows.reshape(3 * shape[0], root.shape[1])
+            self._answered[place], self._answers[place] = weights, rows @ rows.T
+        self._show(held)
+
+    def _show(self, held: Floats) -> None:
+        """What patches there are to kernels."""
+        g, counts = len(self.faces), [each.shape[0] for each in self._weights]
+        first, none = np.cumsum([0, *counts]).astype(np.int32), np.zeros((0, 3))
+        ints = self.patches.ints[: self.patches.start[-1]]
+        force, begun = held[ints[:, PLACE]], np.zeros((first[-1], 3))
+        begun[first[ints[:, GUEST]] + ints[:, GUEST_SLOT]] -= force
+        both = ints[:, SLOT] >= 0
+        begun[first[ints[both, BODY] - self._n_own] + ints[both, SLOT]] += force[both]
+        came, goes = [none], [none]
+        for place, (weights, own) in enumerate(zip(self._weights, self._own, strict=True)):
+            root, sampled = self._root[place], self._sampled[place]
+            more = np.asarray(weights.T @ begun[first[place] : first[place + 1]]) - self._held[place]
+            moved = (root @ (root.T @ more.ravel())).reshape(-1, 3)
+            came.append(sampled @ self.came[own])
+            goes.append(sampled @ self.goes[own] + weights @ moved)
+        self.arrays = Arrays(
+            n_own=np.array([self._n_own], dtype=np.int32),
+            first_slot=first,
+            came=np.concatenate(came),
+            goes=np.concatenate(goes),
+            begun=begun,
+            answers=np.concatenate([np.zeros(0), *(each.ravel() for each in self._answers)]),
+            begin=np.cumsum([0, *(each.size for each in self._answers)]).astype(np.int64),
+            at=np.zeros_like(begun),
+            now=np.zeros_like(begun),
+            felt=np.zeros_like(begun),
+            moment=np.zeros((g, 3)),
+            lost=np.zeros(g, dtype=np.int32),
+        )
+        """as kernels take them"""
+
+    def felt(self) -> list[Push]:
+        """What acted on them in the last step; what was thought to, where the pile's step was lost."""
+        arrays, found = self.arrays, []
+        for place, weights in enumerate(self._weights):
+            own = slice(*arrays.first_slot[place : place + 2])
+            force = np.asarray(weights.T @ arrays.felt[own])
+            lost = bool(arrays.lost[place])
+            found.append(Push(self._held[place], np.zeros(0)) if lost else Push(force, arrays.moment[place].copy()))
+        return found
+
+    def forget(self) -> None:
+        """What was sent of how they answer is sent again."""
+        self._root = [_no_root(each) for each in self.faces]
+        self._answered = [None] * len(self._answered)
+
+
+def _no_root(faces: SampledFaces) -> Floats:
+    """Of a guest that has not said how it answers."""
+    return np.zeros((3 * len(faces.nodes), 0))
