@@ -50,7 +50,7 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Mapping[str, S
     lines += [
         "",
         f"**Colours.** {_painted(builder.columns.models)} Yellow arrows: contact forces on the body. "
-        "Green: seam nodes and the seam's force on the near side. Orange: what two bodies do to each other, in all."
+        "Green: seam nodes and the seam's force on the near side. Magenta: what two bodies do to each other, in all."
         + (" Paler: asleep." if recording.scene.sleep is not None else ""),
         "",
         *dict.fromkeys(  # bodies of a kind have them alike

@@ -47,7 +47,7 @@ def layout(
         wrong = colors.engineering(error, "J/m³")
         fields.append(camera.view(f"Error, 0 to {wrong}", [*(f"+ {at.error}" for at in bodies), *edges, *planes]))
     forces = camera.view(
-        "Forces: contact yellow, seam green, between bodies orange",
+        "Forces: contact yellow, seam green, between bodies magenta",
         [
             *(f"+ {path}" for at in bodies for path in (at.ghost, f"{at.forces}/**")),
             f"+ {paths.PAIRS}",

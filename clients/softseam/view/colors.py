@@ -22,8 +22,8 @@ TOOL = (166, 172, 184)
 GROUND = (52, 56, 66)
 CONTACT = (255, 209, 92)
 MULTIPLIER = (93, 211, 158)
-BETWEEN = (255, 132, 64)
-"""orange: what bodies do to one another"""
+BETWEEN = (224, 64, 184)
+"""magenta: what bodies do to one another"""
 SERIES = (NEAR, FAR, MULTIPLIER, CONTACT, (190, 132, 214), (226, 96, 128), (150, 158, 170))
 
 # Viridis-like knots lifted at the dark end, so that an unstressed body still shows its shading: sRGB, equal steps.
