@@ -65,6 +65,14 @@ def test_each_contact_of_a_tower_carries_what_is_above_it() -> None:
     assert -still.wrench["ground"][2] == pytest.approx(3 * WEIGHT, rel=1e-6)
 
 
+@pytest.mark.parametrize("models", [("fem", "pbd"), ("pbd", "fem")])
+def test_a_contact_of_two_models_carries_what_is_above_it(models: tuple[str, str]) -> None:
+    """To 1e-4, whichever is above."""
+    lower, upper = ({"regions": {"default": model}} for model in models)
+    still = run(scene({"lower": CUBE | lower, "upper": CUBE | upper | {"position": [0.0, 0.0, EDGE + 1e-4]}}))[-1]
+    np.testing.assert_allclose(still.interfaces["lower+upper"].total, [0.0, 0.0, -WEIGHT], atol=1e-4 * WEIGHT)
+
+
 @pytest.mark.parametrize(("model", "off"), [("fem", 5e-3), ("pbd", 1e-9)])
 def test_what_a_body_is_pushed_with_is_what_its_momentum_gains(model: str, off: float) -> None:
     """Two that meet in the air, askew: the sum of force times step, to a share of what they had.
