@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from softseam.scenes import load_scene
+from softseam.variants import with_settings
 from softseam_protocol.scene.scene import Scene
 
 EDGE = 0.05
@@ -59,6 +61,18 @@ def piled(side: int, layers: int, cells: int = 2, **keys: Any) -> Scene:
     }
     scene = scene_of(bodies, interfaces=touch, duration=1.0, **keys)
     return Scene.model_validate(json.loads(scene.model_dump_json(exclude_unset=True)))
+
+
+def tray(side: int, *settings: str) -> Scene:
+    """The shipped tray of cubes with side^3 of them, its walls and what is above moved as its header says."""
+    wall, higher, tall = 0.0546 + 0.0252 * (side - 2), 0.0504 * (side - 3), 0.12 if side <= 3 else 0.044 * side
+    moved = [f"bodies.cube.repeat.grid={[side] * 3}", f"bodies.picked.position={[0, 0, 0.1512 + higher]}"]
+    for name, at in {"west": [-1, 0], "east": [1, 0], "south": [0, -1], "north": [0, 1]}.items():
+        long, place = 2.0 * wall + 0.008, [wall * at[0], wall * at[1], 0.5 * tall]
+        size = [0.008, long, tall] if at[0] else [long - 0.016, 0.008, tall]
+        moved += [f"tools.{name}.position={place}", f"tools.{name}.size={size}"]
+    moved += [f"tools.{name}.position={[x, 0, 0.1732 + higher]}" for name, x in (("left", -0.037), ("right", 0.037))]
+    return with_settings(load_scene("tofu_tray"), [*moved, *settings])
 
 
 def unlike(**keys: Any) -> Scene:

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam.checks import When, doubts
+from softseam.checks import When, doubts, of_company
 from softseam.choice import symmetric
 from softseam.duration import expected_duration, too_many_steps
 from softseam.embedded import describe
@@ -18,6 +18,7 @@ from softseam.previewing import draw_preview
 from softseam.scenes import bundle_of, bundle_with, inputs_of, located
 from softseam.variants import with_settings
 from softseam_protocol.scene.file import scene_hash
+from softseam_protocol.scene.repeat import repeated
 from softseam_protocol.scene.scene import Scene
 
 
@@ -38,15 +39,25 @@ def check_scene(name: str, settings: Sequence[str], console: Console, picture: P
     except SceneRefused as error:
         raise SceneRefused(located(str(error), name, settings)) from None
     console.print(_grid({"scene": f"{scene.name}  (hash {scene_hash(bundle)[:12]})"}))
+    said: set[str] = set()
     for body, described in found.items():
-        one = scene if scene.one is not None else scene.model_copy(update={"many": {body: scene.many[body]}})
-        if len(found) > 1:
-            console.print(Text(f"\n{body}", style="bold"))
-        own = {"symmetry": symmetric(scene), "steps": _steps(scene.of(body))}
-        console.print(_grid({**described.facts, **own}))
-        print_doubts(doubts(one, {body: (described.size, described.doubts)}), name, settings, console)
-        for note in doubts(one, {body: (described.size, described.notes)}, When.NOTE):
+        one = scene if scene.one is not None else scene.model_copy(update={"many": {body: scene.bodies[body]}})
+        group = repeated(body) if repeated(body) in scene.many else ""
+        if group not in said:  # of copies the first
+            copies = f", of {sum(repeated(each) == group for each in found)} copies" if group else ""
+            if len(found) > 1:
+                console.print(Text(f"\n{body}{copies}", style="bold"))
+            own = {"symmetry": symmetric(scene), "steps": _steps(scene.of(body))}
+            console.print(_grid({**described.facts, **own}))
+        warned = doubts(one, {body: (described.size, described.doubts)})
+        print_doubts(_fresh(warned, body, group, said), name, settings, console)
+        for note in _fresh(doubts(one, {body: (described.size, described.notes)}, When.NOTE), body, group, said):
             console.print(Text(f"note: {note}", style="dim"))
+        if group:
+            said.add(group)
+    print_doubts(of_company(scene), name, settings, console)
+    for note in of_company(scene, When.NOTE):
+        console.print(Text(f"note: {note}", style="dim"))
     if picture is not None:
         console.print(Text(f"picture: {draw_preview(bundle, picture)}"), soft_wrap=True)
     console.print(Text("the scene can be simulated", style="green"))
@@ -56,6 +67,16 @@ def print_doubts(doubts: Sequence[str], name: str, settings: Sequence[str], cons
     """Warn of what is doubtful (see `checks`) in a scene of this name or path, with file, line and column."""
     for doubt in doubts:
         console.print(Text(f"warning: {located(doubt, name, settings)}", style="yellow"), soft_wrap=True)
+
+
+def _fresh(texts: Sequence[str], body: str, group: str, said: set[str]) -> list[str]:
+    """Sentences about a body; of copies those that were not said of another one."""
+    if not group:
+        return list(texts)
+    about = [text.replace(f"bodies.{body}", f"bodies.{group}") for text in texts]
+    fresh = [text for text in about if text not in said]
+    said.update(fresh)
+    return fresh
 
 
 def _grid(facts: dict[str, str]) -> Table:

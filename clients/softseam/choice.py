@@ -5,13 +5,20 @@ from collections.abc import Iterable, Mapping
 from softseam.observation import Observation
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.session import Event, PartReport
+from softseam_protocol.scene.repeat import repeated
 from softseam_protocol.scene.scene import Scene
 
 
 def choice(scene: Scene, first: Observation) -> str:
-    """Of every body, from the observation after the first step."""
+    """Of every body, from the observation after the first step; of copies that are alike together."""
     texts = choices(scene, first.parts, first.events)
-    return "; ".join(f"{name}: {text}" if len(texts) > 1 else text for name, text in texts.items())
+    together: dict[tuple[str, str], list[str]] = {}
+    for name, text in texts.items():
+        together.setdefault((repeated(name) or name, text), []).append(name)
+    return "; ".join(
+        text if len(texts) == 1 else f"{names[0]}: {text}" if len(names) == 1 else f"{len(names)} {group}: {text}"
+        for (group, text), names in together.items()
+    )
 
 
 def choices(scene: Scene, parts: Mapping[str, PartReport], events: Iterable[Event]) -> dict[str, str]:

@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from softseam.columns import shown_unit, spent
+from softseam.columns import most_telling, shown_unit, spent
 from softseam.view.colors import label
 from softseam_protocol.messages.outcomes import EventKind
 
@@ -28,12 +28,16 @@ def print_closing(console: Console, report: Mapping[str, Any]) -> None:
     if report["uneven_friction"]:
         console.print(Text(f"friction {report['uneven_friction']}", style="dim"))
     claims = report.get("claims")
+    measured = most_telling(report["quantities"])
     _print_trust(console, report["estimated_error"], claims)
     _print_not_done(console, report["not_done"])
     claimed = {} if claims is None else claims["quantities"]
-    console.print(_quantities(report["quantities"], claimed))
-    _print_unclaimed(console, report["quantities"], claimed)
-    _print_gaps(console, report["quantities"], report["steps"])
+    console.print(_quantities(measured, claimed))
+    if left := len(report["quantities"]) - len(measured):
+        text = f"of each quantity the bodies that have most of it; {left} values more are in a --report"
+        console.print(Text(text, style="dim"), soft_wrap=True)
+    _print_unclaimed(console, measured, claimed)
+    _print_gaps(console, measured, report["steps"])
     _print_condition(console, report["condition"])
     for title, rows in (("error indicators", _indicators(report)), ("where the time went", _times(report))):
         console.print(Text(f"\n{title}", style="dim"))

@@ -3,7 +3,8 @@
 |J|^2 = (1/T) int_0^T J(t)^2 dt
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ LEDGER = (
     *("kinetic", "strain", "gravity", "drive_work", "contact_loss", "tool_work", "seam_work", "dissipation", "switch"),
 )
 TOTAL = "total"
+MANY = 6
+"""bodies beyond which not each has figures of its own in what people read"""
+Entry = TypeVar("Entry", bound=Mapping[str, Any])
 
 
 def spent() -> tuple[str, ...]:
@@ -95,12 +99,40 @@ class Columns:
         known = [name for name in (*QUANTITIES, *LEDGER) if name in found]
         return known + sorted(found.difference(known))
 
+    def drawn(self, names: Collection[str]) -> dict[str, list[str]]:
+        """Quantities by the plot that shows them: each has its own, but of many bodies, of which those share one whose
+        values are not nothing throughout, or the first where all are."""
+        found: dict[str, list[str]] = {}
+        for name in names:
+            found.setdefault(name.rpartition(".")[2], []).append(name)
+        plots: dict[str, list[str]] = {}
+        for title, own in found.items():
+            if len(own) <= MANY:
+                plots |= {name: [name] for name in own}
+            else:
+                plots[title] = [name for name in own if np.nan_to_num(self[f"quantity.{name}"]).any()] or own[:1]
+        return plots
+
     def __getitem__(self, name: str) -> Floats:
         return np.array([row.get(name, np.nan) for row in self._rows])
 
     def last(self, name: str) -> float:
         """The last row's value, or NaN."""
         return self._rows[-1].get(name, float("nan")) if self._rows else float("nan")
+
+
+def most_telling(found: Mapping[str, Entry]) -> dict[str, Entry]:
+    """Of entries by quantity those that people read: where many bodies have one, of the three whose most is largest."""
+    by_quantity: dict[str, list[str]] = {}
+    for name in found:
+        by_quantity.setdefault(name.rpartition(".")[2], []).append(name)
+    few: set[str] = set()
+    for names in by_quantity.values():
+        if len(names) > MANY:
+            most = {name: max(abs(found[name][end] or 0.0) for end in ("min", "max")) for name in names}
+            names = sorted((name for name in names if most[name] > 0.0), key=lambda name: -most[name])[:3] or names[:1]
+        few.update(names)
+    return {name: entry for name, entry in found.items() if name in few}
 
 
 NOTHING = {"m": 1e-6, "N": 1e-6, "Pa": 1e-3, "1": 1e-9}

@@ -156,6 +156,12 @@ class Observation:
         return self.report.seam
 
     @property
+    def interfaces(self) -> Mapping[str, InterfaceReport]:
+        """By id: seams of bodies in parts, what the scene's interfaces say, and of its contacts A+B those that pressed;
+        `total` is the whole force on the first body, or the near part [N]."""
+        return MappingProxyType(self.report.interfaces)
+
+    @property
     def parts(self) -> Mapping[str, PartReport]:
         """Body, model, size, energies [J] and cost of each part, by id: BODY.near and BODY.far."""
         return MappingProxyType(self.report.parts)

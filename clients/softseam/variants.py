@@ -8,7 +8,7 @@ from softseam.errors import BadInput, SceneRefused, not_among
 from softseam_protocol.models import MODELS, taking
 from softseam_protocol.scene import marked_yaml
 from softseam_protocol.scene.bodies import AnyBody, block_of
-from softseam_protocol.scene.file import SceneError, scene_from_document, scene_json
+from softseam_protocol.scene.file import SceneError, scene_as_written, scene_from_document, scene_json
 from softseam_protocol.scene.regions import RegionsSpec
 from softseam_protocol.scene.scene import Scene
 
@@ -81,6 +81,7 @@ def with_settings(scene: Scene, settings: Iterable[str]) -> Scene:
     """The scene with `key.key=value` applied in turn, values read as YAML; validated as a whole.
 
     Keys walk through mappings by name and through lists by index: `motion.1.close=0.01`, `tools.left.friction=0.05`.
+    Of a body that repeats they mean all copies, or one: `bodies.cube.cell=0.01`, `bodies.cube_0_0_0.cell=0.01`.
     """
     settings = list(settings)
     try:
@@ -95,7 +96,9 @@ def changed(scene: Scene, settings: Sequence[str]) -> Scene:
     """As `with_settings`, which says what to change on the command line. Raises BadInput, and SceneError."""
     if not settings:
         return scene
-    document = json.loads(scene_json(scene))
+    named = {keys[1] for keys in (setting.split(".", 2) for setting in settings) if keys[0] == "bodies" and keys[1:]}
+    copies = named & (scene.bodies.keys() - scene.many.keys())  # who means one of them means each
+    document = json.loads(scene_json(scene)) if copies else scene_as_written(scene)
     for setting in settings:
         path, equals, text = setting.partition("=")
         keys = [key.strip() for key in path.split(".")]

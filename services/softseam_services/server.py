@@ -7,16 +7,21 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from softseam_protocol.messages.names import ONLY_BODY
 from softseam_protocol.messages.participant import Bundle, Configure, Configured
 from softseam_protocol.models import MODELS, service_of, taking
 from softseam_protocol.participant.requests import Participant
 from softseam_protocol.participant.solver import Solver
+from softseam_protocol.scene.apart import box_of
 from softseam_protocol.scene.bodies import AnyBody as AnyBodySpec
 from softseam_protocol.scene.file import scene_from_bundle
+from softseam_protocol.scene.repeat import repeated
 from softseam_protocol.scene.scene import Scene
 from softseam_services.blas import use_one_thread
 from softseam_services.bodies import AnyBody, build_any_body
+from softseam_services.body.errors import ToolError
 from softseam_services.body.interpolate import model_functions
 from softseam_services.body.sampled_faces import SampledFaces, sampled_faces
 from softseam_services.built import Built
@@ -58,11 +63,27 @@ def build_setup(bundle: Bundle, name: str = ONLY_BODY) -> Setup:
     whole = scene_from_bundle(bundle)
     scene, spec = whole.of(name), whole.bodies[name]
     body = build_any_body(scene, spec, bundle.files)
-    tools = build_tools(scene, body, bundle.files)
+    try:
+        tools = build_tools(scene, body, bundle.files)
+    except ToolError as error:
+        if whole.one is not None:
+            raise
+        raise ToolError(f"{error}; {_whose(whole, name)}") from error
     if body.has_cells:
         check_symmetry(scene, body, tools)
-    scene, why = with_model(scene, spec, body, tools)
+    scene, why = with_model(scene, spec, body, tools, whole.is_joined(name))
     return Setup(scene, spec, body, tools, why)
+
+
+def _whose(scene: Scene, name: str) -> str:
+    """Which of several bodies a tool starts inside, and what else to do where it is a copy."""
+    group = repeated(name)
+    boxes = [box_of(body) for each, body in scene.bodies.items() if group and repeated(each) == group]
+    known = np.array([box for box in boxes if box is not None])
+    if not len(known):
+        return f"that body is {name}"
+    wide = " x ".join(f"{1e3 * side:.4g}" for side in np.ptp(known.reshape(-1, 3), axis=0))
+    return f"that body is {name}, and all copies are {wide} mm: give them more room, or bodies.{group}.repeat less"
 
 
 def build_solver(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Configured]:

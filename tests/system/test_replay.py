@@ -18,11 +18,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from chromium import browse
+from cubes import cube, scene_of
 from damaged import with_a_bad_chunk
 from matplotlib.image import imread
 from screenshots import screenshots
 from squeeze import SCENE, Squeeze
 
+import softseam
 from softseam.recording import Recording
 from softseam.replay import ReplayError, replay, verify
 from softseam.replay.show import free_port, web_address, web_arguments
@@ -86,6 +88,20 @@ def test_everything_is_in_it(rrd: Path) -> None:
         assert f"{path}:" in stats, path
     rows = rerun("rrd", "print", "-v", str(rrd)).count("/world/bodies/body/stress")
     assert rows >= 1
+
+
+def test_many_bodies_show_what_they_do_to_one_another(tmp_path: Path) -> None:
+    """Forces between pairs, one line for all copies where each would have its own, and the same bits again."""
+    bodies = {f"cube{k}": cube(0, 1, position=[0.0, 0.0, 0.0502 * k]) for k in range(2)}
+    bodies["small"] = cube(1, 2, position=[0.3, 0.0, 0.0], repeat={"grid": [3, 3, 1], "spacing": [0.06, 0.06, 0.06]})
+    scene = scene_of(bodies, contacts={"friction": 0.4}, sleep="calm", duration=0.2, quantities=["sag"])
+    with softseam.open(scene, record=tmp_path / "run.mcap") as sim:
+        sim.run()
+    replay(tmp_path / "run.mcap", save=tmp_path / "run.rrd")
+    stats = rerun("rrd", "stats", str(tmp_path / "run.rrd"))
+    paths = ("/world/pairs", "/curves/parts/cells/11_parts_pbd", "/curves/quantities/sag/small_0_0_0.sag")
+    assert all(f"{path}:" in stats for path in paths)
+    assert verify(Recording(tmp_path / "run.mcap")).same
 
 
 def test_a_cut_recording_is_replayed_up_to_the_cut(tmp_path: Path) -> None:

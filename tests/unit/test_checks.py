@@ -10,7 +10,7 @@ from softseam_protocol.table import MissingRow, Table
 
 
 def test_a_file_without_a_row_is_named() -> None:
-    with pytest.raises(MissingRow, match="no row 'idle', 'swings', 'unmet'"):
+    with pytest.raises(MissingRow, match="no row 'idle', 'swings', 'together', 'unmet'"):
         require_files(of_scenes.__path__, of_scenes.SCENE)
 
 

@@ -9,6 +9,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from softseam.checks import doubts
 from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import load_scene, scene_from_bundle
 from softseam_protocol.scene.particles import RopeBody, SheetBody, TetMeshBody
@@ -24,6 +25,7 @@ from softseam_services.tools.build import build_tools
 SCENES = Path(__file__).parents[2] / "scenes"
 CELLS = ["calamari", "cantilever", "dumpling", "heavy_on_soft", "sausage", "sausage_bend", "silken_tofu"]
 CELLS += ["stiff_inclusion", "tofu_drop", "tofu_grasp", "tofu_pads", "tofu_push", "tofu_slab", "template_fem"]
+SEVERAL = ["cheese_in_tofu", "tofu_tray"]
 PARTICLES = ["cloth_fold", "jelly", "pudding", "rope", "template_pbd"]
 
 
@@ -37,7 +39,7 @@ def maker() -> ModuleType:
 
 
 def test_every_scene_is_listed() -> None:
-    assert sorted(path.stem for path in SCENES.glob("*.yaml")) == sorted([*CELLS, *PARTICLES])
+    assert sorted(path.stem for path in SCENES.glob("*.yaml")) == sorted([*CELLS, *PARTICLES, *SEVERAL])
 
 
 @pytest.mark.kernels
@@ -76,6 +78,16 @@ def test_scene_of_particles_builds(name: str) -> None:
     if name == "cloth_fold":
         assert len(body.springs.rest) == 10_100
         assert len(body.bends.stiffness) == 4_998 + 2_500
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("name", SEVERAL)
+def test_scene_of_several_builds(name: str) -> None:
+    """Nothing in it is doubtful, and nothing is inside anything else."""
+    loaded = load_scene(SCENES / f"{name}.yaml")
+    assert len(loaded.scene.bodies) == {"cheese_in_tofu": 19, "tofu_tray": 28}[name]
+    setups = {body: build_setup(loaded.bundle, body) for body in loaded.scene.bodies}
+    assert not doubts(loaded.scene, {body: (checks.size_of(one), checks.doubts(one)) for body, one in setups.items()})
 
 
 @pytest.mark.kernels

@@ -100,7 +100,7 @@ def test_nothing_pulls() -> None:
     thrown = scene.many["cube1"].model_copy(update={"velocity": (0.0, 0.0, 1.0)})
     reports = run(scene.with_body(thrown, "cube1"))
     assert max(report.interfaces["on_cube0"].force for report in reports) == 0.0
-    alone = scene.model_copy(update={"many": {"cube1": thrown}, "interfaces": {}, "tools": {}})
+    alone = scene.model_copy(update={"many": {"cube1": thrown}, "joints": {}, "tools": {}})
     free = run(alone)
     flown = [each[-1].parts["cube1.far"].gravity for each in (reports, free)]
     assert flown[0] == pytest.approx(flown[1], rel=1e-9)
@@ -190,7 +190,7 @@ def test_snapshots_and_bodies_in_any_order_change_no_bit() -> None:
         assert one.energies == other.energies
         for name in ("cube0", "cube1"):
             np.testing.assert_array_equal(one.bodies[name].positions, other.bodies[name].positions)
-    with softseam.open(scene.model_copy(update={"interfaces": {}})) as apart, pytest.raises(softseam.BadSnapshot):
+    with softseam.open(scene.model_copy(update={"joints": {}})) as apart, pytest.raises(softseam.BadSnapshot):
         apart.restore(kept)
 
 

@@ -6,11 +6,12 @@ What needs bodies that are built is in the table of the services (`softseam_serv
 import math
 from collections.abc import Mapping, Sequence
 
-from softseam.checks import idle, law, length, locks, motion, swings, tools, units, unmet, viscosity
+from softseam.checks import idle, law, length, locks, motion, swings, together, tools, units, unmet, viscosity
 from softseam.columns import Columns
 from softseam.to_check import Ended, Written
 from softseam_protocol.checks import Check, When, anything, look, require_files
 from softseam_protocol.messages.session import Event
+from softseam_protocol.scene.repeat import repeated
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.table import Table
 
@@ -36,7 +37,14 @@ RUN: Table[Check[Ended]] = Table(
         "idle": Check(When.AFTER, lambda run: run.done, idle.look),
     },
 )
-require_files(__path__, SCENE, RUN)
+COMPANY: Table[Check[Scene]] = Table(
+    "checks of several bodies",
+    {
+        "together": Check(When.BEFORE, anything, together.look),
+        "apart": Check(When.NOTE, anything, together.note),
+    },
+)
+require_files(__path__, SCENE, RUN, COMPANY)
 
 
 def doubts(scene: Scene, built: Mapping[str, tuple[float, Sequence[str]]], when: When = When.BEFORE) -> list[str]:
@@ -45,13 +53,19 @@ def doubts(scene: Scene, built: Mapping[str, tuple[float, Sequence[str]]], when:
     built  of bodies that are built, by name: largest extent [m], and what the services find doubtful; of others the
            scene alone is looked at
     """
-    found: list[str] = []
+    found = of_company(scene, when)
     for name in scene.bodies:
         one = scene.of(name)
         size, texts = built.get(name, (max(one.body.own_lengths, default=math.inf), ()))
         texts = [*texts, *look(SCENE, Written(one, size), when)]
-        found += texts if scene.one is not None else [_of_body(name, text) for text in texts]
+        group = repeated(name) if repeated(name) in scene.many else name  # what is said of copies, once
+        found += texts if scene.one is not None else [_of_body(group, text) for text in texts]
     return list(dict.fromkeys(found))
+
+
+def of_company(scene: Scene, when: When = When.BEFORE) -> list[str]:
+    """What is doubtful about all bodies of a scene together."""
+    return look(COMPANY, scene, when)
 
 
 def not_done(scene: Scene, columns: Columns, events: Sequence[Event], done: bool) -> list[str]:

@@ -7,4 +7,5 @@ from softseam_protocol.messages.outcomes import EventKind
 
 
 def look(run: Ended) -> Iterator[str]:
-    return (event.message for event in run.events if event.kind in (EventKind.NOT_DONE, EventKind.FORCE))
+    kinds = EventKind.NOT_DONE, EventKind.FORCE, EventKind.OVERLAP
+    return (event.message for event in run.events if event.kind in kinds)

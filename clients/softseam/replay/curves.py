@@ -32,11 +32,12 @@ def log_curves(stream: rr.RecordingStream, columns: Columns, scene: Scene) -> di
     """Log all curves; returns the plots by tab."""
     writer = _Writer(stream, columns)
     tabs: dict[str, list[Plot]] = {"Grip": [], "Shape": [], "Error": []}
-    for name in columns.names("quantity."):
-        unit, factor = shown_unit(name)
-        plot = writer.plot(f"{colors.label(name)} [{unit}]", f"quantities/{name}")
-        tab = tabs[_TABS[quantity(name).group]]
-        writer.curve(plot, name.replace("_", " "), columns[f"quantity.{name}"] * factor, len(tab))
+    for title, names in columns.drawn(columns.names("quantity.")).items():
+        unit, factor = shown_unit(names[0])
+        plot = writer.plot(f"{colors.label(title)} [{unit}]", f"quantities/{title}")
+        tab = tabs[_TABS[quantity(names[0]).group]]
+        for i, name in enumerate(names):
+            writer.curve(plot, name.replace("_", " "), columns[f"quantity.{name}"] * factor, len(tab) + i)
         tab.append(plot)
     tabs["Seam"] = _seam(writer, columns)
     spent = tuple(
@@ -74,11 +75,13 @@ def _energy(writer: _Writer, columns: Columns, names: tuple[str, ...], title: st
 def _parts(writer: _Writer, columns: Columns) -> list[Plot]:
     cells = writer.plot("cells", "parts/cells")
     iterations = writer.plot("iterations or sweeps a step", "parts/iterations")
-    for i, (name, model) in enumerate(columns.models.items()):
-        color = 0 if local(name) == "near" else 1
-        label = f"{name} ({model})"
-        writer.curve(cells, label, np.nan_to_num(columns[f"{name}.cells"]), color if i < 2 else i)
-        writer.curve(iterations, label, np.nan_to_num(columns[f"{name}.iterations"]), color if i < 2 else i)
+    for i, (_, names) in enumerate(colors.grouped(columns.models).values()):
+        model = columns.models[names[0]]
+        label = f"{names[0]} ({model})" if len(names) == 1 else f"{len(names)} parts ({model})"
+        color = i if i >= 2 else 0 if local(names[0]) == "near" else 1
+        for plot, what in ((cells, "cells"), (iterations, "iterations")):
+            values = np.sum([np.nan_to_num(columns[f"{name}.{what}"]) for name in names], axis=0)
+            writer.curve(plot, label, values, color)
     return [cells, iterations]
 
 

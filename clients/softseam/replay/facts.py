@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 import rerun as rr
 
+from softseam.columns import most_telling
 from softseam.recording import Hole, Recording
 from softseam.replay import paths
 from softseam.replay.world import Scales
@@ -17,12 +18,13 @@ from softseam_protocol.messages.session import Event
 
 _ALARMS = (
     *(EventKind.SOLVER, EventKind.SEAM, EventKind.PARTICIPANT_LOST, EventKind.ENERGY, EventKind.RECORDING),
-    *(EventKind.NOT_DONE, EventKind.GONE, EventKind.CREEP),
+    *(EventKind.NOT_DONE, EventKind.GONE, EventKind.CREEP, EventKind.OVERLAP),
 )
 
 
-def summary(recording: Recording, builder: ReportBuilder, scales: Mapping[str, Scales]) -> str:
-    """Markdown: what was run, how it ended, how far to trust it, what the colours mean."""
+def summary(recording: Recording, builder: ReportBuilder, scales: Mapping[str, Scales], pressed: float = 0.0) -> str:
+    """Markdown: what was run, how it ended, how far to trust it, what the colours mean. pressed: the largest force
+    between two bodies [N]."""
     report = builder.build()
     verdict, wall, seam = report["verdict"], report["wall"], report["seam"]
     lines = [f"# {recording.scene.name}", "", f"**{verdict['text']}**", ""]
@@ -31,7 +33,7 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Mapping[str, S
     for undone in report["not_done"]:
         lines += [f"> not done: {undone}", ""]
     lines += ["| | |", "|---|---|"]
-    for name, entry in report["quantities"].items():
+    for name, entry in most_telling(report["quantities"]).items():
         if entry["max"] is not None:
             least, most = (_figure(entry[end], entry["unit"]) for end in ("min", "max"))
             lines.append(f"| {colors.label(name)} | {least} to {most} |")
@@ -42,18 +44,21 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Mapping[str, S
         f"| real-time factor | {wall['rtf']:.1f} |" if wall["rtf"] else "| real-time factor | not known |",
         f"| steps | {report['steps']} of {1e3 * recording.scene.step:g} ms |",
     ]
-    for name, part in report["parts"].items():
-        lines.append(f"| {name} ({part['model']}) | {part['n_elements']['max']:.0f} cells at most |")
+    for label, (_, names) in colors.grouped(builder.columns.models).items():
+        cells = sum(report["parts"][name]["n_elements"]["max"] for name in names)
+        lines.append(f"| {label} | {cells:.0f} cells at most |")
     lines += [
         "",
         f"**Colours.** {_painted(builder.columns.models)} Yellow arrows: contact forces on the body. "
-        "Green: seam nodes and the seam's force on the near side.",
+        "Green: seam nodes and the seam's force on the near side. Magenta: what two bodies do to each other, in all."
+        + (" Paler: asleep." if recording.scene.sleep is not None else ""),
         "",
-        *(
-            f"Longest arrows{f' of {body}' if len(scales) > 1 else ''}: contact "
-            f"{colors.engineering(scale.contact, 'N')}, seam {colors.engineering(scale.multiplier, 'N')} a node."
-            for body, scale in scales.items()
+        *dict.fromkeys(  # bodies of a kind have them alike
+            f"Longest arrows: contact {colors.engineering(scale.contact, 'N')}, seam "
+            f"{colors.engineering(scale.multiplier, 'N')} a node."
+            for scale in scales.values()
         ),
+        *([f"Between two bodies: at most {colors.engineering(pressed, 'N')}."] if pressed > 0.0 else []),
         "",
         f"Seed {recording.seed}; softseam {recording.facts.get('softseam', '?')}; {recording.facts.get('machine', '')}",
     ]
@@ -62,9 +67,8 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Mapping[str, S
 
 def _painted(models: Mapping[str, str]) -> str:
     """What the body's colours mean."""
-    words = {colors.NEAR: "Coral", colors.FAR: "Blue"}
-    painted = colors.parts(models).values()
-    return " ".join(f"{words.get(tone) or '#' + bytes(tone).hex()}: {label}." for label, tone in painted)
+    painted = colors.grouped(models).items()
+    return " ".join(f"{colors.named(tone).capitalize()}: {label}." for label, (tone, _) in painted)
 
 
 def log_scale(stream: rr.RecordingStream, surface: DisplaySurface, top: float) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 import rerun.blueprint as rrb
 
+from softseam.columns import MANY
 from softseam.replay import paths
 from softseam.replay.curves import Plot
 from softseam.replay.world import Scales
@@ -22,10 +23,11 @@ def layout(
     tabs: dict[str, list[Plot]],
     scales: Mapping[str, Scales],
     surfaces: Mapping[str, DisplaySurface],
+    models: Mapping[str, str],
     *,
     has_events: bool,
 ) -> rrb.Blueprint:
-    """Models and stress side by side, curves below, facts to the right."""
+    """Models and stress side by side, curves below, facts to the right. models: of each part."""
     ground = any(isinstance(tool, PlaneTool) for tool in scene.tools.values())
     edges = [f"+ {paths.TOOLS}/{name}/edges" for name in scene.tools]
     planes = [f"+ {paths.TOOLS}/{name}/**" for name, tool in scene.tools.items() if isinstance(tool, PlaneTool)]
@@ -34,7 +36,8 @@ def layout(
     camera = _Camera(scales.values(), max(surface.extent for surface in surfaces.values()), grid=not ground)
     edges += [f"+ {at.inclusions}" for at in bodies]
     parts = [f"+ {path}" for at in bodies for path in (at.near, at.far, at.cells, at.inclusions)]
-    models = camera.view("Models: coral near, blue far", [*parts, f"+ {paths.TOOLS}/**"])
+    painted = colors.whole_bodies(models) or "coral near, blue far"
+    shapes = camera.view(f"Models: {painted}", [*parts, f"+ {paths.TOOLS}/**"])
     stress = camera.view(load, [*(f"+ {at.stress}" for at in bodies), *edges, *planes])
     density = colors.engineering(max(scale.energy for scale in scales.values()), "J/m³")
     energy = camera.view(f"Energy, 0 to {density}", [*(f"+ {at.energy}" for at in bodies), *edges, *planes])
@@ -44,8 +47,13 @@ def layout(
         wrong = colors.engineering(error, "J/m³")
         fields.append(camera.view(f"Error, 0 to {wrong}", [*(f"+ {at.error}" for at in bodies), *edges, *planes]))
     forces = camera.view(
-        "Forces: contact yellow, seam green",
-        [*(f"+ {path}" for at in bodies for path in (at.ghost, f"{at.forces}/**")), *edges, *planes],
+        "Forces: contact yellow, seam green, between bodies magenta",
+        [
+            *(f"+ {path}" for at in bodies for path in (at.ghost, f"{at.forces}/**")),
+            f"+ {paths.PAIRS}",
+            *edges,
+            *planes,
+        ],
     )
     curves = [rrb.Horizontal(*[_plot(plot) for plot in plots], name=name) for name, plots in tabs.items() if plots]
     side: list[rrb.View | rrb.Container] = [
@@ -57,7 +65,7 @@ def layout(
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
-                rrb.Horizontal(models, rrb.Tabs(stress, forces, *fields, active_tab=0)),
+                rrb.Horizontal(shapes, rrb.Tabs(stress, forces, *fields, active_tab=0)),
                 rrb.Tabs(*curves, active_tab=0),
                 row_shares=[1.7, 1.0],
             ),
@@ -113,5 +121,5 @@ def _plot(plot: Plot) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         origin=plot.origin,
         name=plot.title,
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=len(plot.names) > 1),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=1 < len(plot.names) <= MANY),
     )

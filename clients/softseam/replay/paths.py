@@ -2,6 +2,7 @@
 
 WORLD = "/world"
 TOOLS = "/world/tools"
+PAIRS = "/world/pairs"
 SCALE = "/legend/scale"
 SUMMARY = "/summary"
 LOG = "/log"

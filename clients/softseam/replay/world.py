@@ -1,7 +1,7 @@
 """The 3D part of a replay: bodies, stress, tools, forces, frame by frame."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import rerun as rr
@@ -56,6 +56,16 @@ def find_scales(recording: Recording, body: str, surface: DisplaySurface) -> Sca
     return Scales(colors.round_up(usual), colors.round_up(dense_usual), error, contact, multiplier, low, high)
 
 
+def shared(scales: Mapping[str, Scales], surfaces: Mapping[str, DisplaySurface]) -> dict[str, Scales]:
+    """The scales of bodies that show the same by their colours, as one, so that one can be compared with the others."""
+    found = {}
+    for name, own in scales.items():
+        alike = [scales[each] for each, other in surfaces.items() if other.load_label == surfaces[name].load_label]
+        names = ("stress", "energy", "error", "contact", "multiplier")
+        found[name] = replace(own, **{field: max(getattr(each, field) for each in alike) for field in names})
+    return found
+
+
 def log_tools(stream: rr.RecordingStream, tools: Sequence[ToolShape]) -> None:
     """What of the tools never changes, and which way is up."""
     stream.log(paths.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -67,7 +77,8 @@ def log_tools(stream: rr.RecordingStream, tools: Sequence[ToolShape]) -> None:
 class BodyLog:
     """Logs the frames of one body, and with them the tools' poses.
 
-    tones  colours of what is near and far
+    tones   colours of what is near and far
+    sleeps  whether it may sleep
     """
 
     def __init__(
@@ -78,6 +89,7 @@ class BodyLog:
         scales: Scales,
         tools: Sequence[ToolShape],
         tones: tuple[colors.Tone, colors.Tone],
+        sleeps: bool = False,
     ) -> None:
         self._stream, self._surface, self._scales, self._tools = stream, surface, scales, tools
         self._at = paths.BodyPaths(body)
@@ -88,8 +100,23 @@ class BodyLog:
             stream.log(path, rr.Mesh3D.from_fields(triangle_indices=triangles), static=True)
         ghost = rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=(*colors.TOOL, 38))
         stream.log(self._at.ghost, ghost, static=True)
-        for path, color in zip((self._at.near, self._at.far), tones, strict=True):
-            stream.log(path, rr.Mesh3D.from_fields(albedo_factor=color), static=True)
+        self._tones, self._asleep = tones, False
+        if sleeps:
+            self._paint()
+        else:
+            for path, color in zip((self._at.near, self._at.far), tones, strict=True):
+                stream.log(path, rr.Mesh3D.from_fields(albedo_factor=color), static=True)
+
+    def sleep(self, asleep: bool) -> None:
+        """Draw the body paler from the stream's current time on where it is asleep."""
+        if asleep != self._asleep:
+            self._asleep = asleep
+            self._paint()
+
+    def _paint(self) -> None:
+        for path, color in zip((self._at.near, self._at.far), self._tones, strict=True):
+            tone = colors.paler(color) if self._asleep else color
+            self._stream.log(path, rr.Mesh3D.from_fields(albedo_factor=tone))
 
     def log(self, frame: Frame) -> None:
         """Draw one frame at the stream's current time."""
@@ -98,7 +125,9 @@ class BodyLog:
             vertex_positions=vertices.astype(np.float32),
             vertex_normals=self._surface.normals(vertices).astype(np.float32),
         )
-        for path in (self._at.near, self._at.far, self._at.stress, self._at.energy, *self._error, self._at.ghost):
+        near = self._surface.near(frame.cell_near)
+        sides = [path for path, there in ((self._at.near, near), (self._at.far, ~near)) if there.any()]
+        for path in (*sides, self._at.stress, self._at.energy, *self._error, self._at.ghost):
             self._stream.log(path, shape)
         stress = self._surface.load(frame)
         energy = self._surface.energy_density(frame.cell_energy)
@@ -108,13 +137,12 @@ class BodyLog:
         for path, values, top in shown:
             shades = colors.stress_colors(values, top)[self._surface.vertex_point]
             self._stream.log(path, rr.Mesh3D.from_fields(vertex_colors=shades))
-        self._log_regions(frame)
+        self._log_regions(near)
         self._log_grid(frame)
         self._log_tools(frame)
         self._log_forces(frame)
 
-    def _log_regions(self, frame: Frame) -> None:
-        near = self._surface.near(frame.cell_near)
+    def _log_regions(self, near: NDArray[np.bool_]) -> None:
         if self._near is not None and np.array_equal(near, self._near):
             return
         self._near = near

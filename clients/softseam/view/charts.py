@@ -26,8 +26,8 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     """The quantities, then the seam's and the ledger's account of how far to trust them."""
     columns = builder.columns
     time = columns["time"]
-    quantities = drawn_quantities(recording.scene.asked, columns)
-    coupled = bool(np.nanmax(columns["seam_nodes"], initial=0.0) > 0.0)
+    quantities = columns.drawn(drawn_quantities(recording.scene.asked, columns))
+    coupled = bool(((columns["seam_nodes"] > 0.0) & (columns["exchanges"] > 0.0)).any())  # not within a solver alone
     n_plots = len(quantities) + (2 if coupled else 0) + 1
     rows = -(-n_plots // 3)
     figure = Figure(figsize=(12.6, 1.25 + 2.55 * rows), dpi=150, facecolor=PAPER)
@@ -38,13 +38,14 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     every = list(grid.ravel())
     for axes in every[n_plots:]:
         axes.set_axis_off()
-    for i, name in enumerate(quantities):
-        unit, factor = shown_unit(name)
-        plain(every[i], f"{colors.label(name)} [{unit}]")
-        values = columns[f"quantity.{name}"]
-        seen = np.isfinite(values)  # some are measured in some steps only
-        every[i].plot(time[seen], values[seen] * factor, color=_tone(0), linewidth=1.8)
-        if name == "lift_height":
+    for i, (title, names) in enumerate(quantities.items()):
+        unit, factor = shown_unit(names[0])
+        plain(every[i], f"{colors.label(title)} [{unit}]")
+        for number, name in enumerate(names):
+            values = columns[f"quantity.{name}"]
+            seen = np.isfinite(values)  # some are measured in some steps only
+            every[i].plot(time[seen], values[seen] * factor, color=_tone(number), linewidth=1.8)
+        if title == "lift_height":
             _tool_rise(every[i], recording, columns)
     at = len(quantities)
     if coupled:
@@ -96,8 +97,8 @@ def draw_time(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
     _holes(middle, recording)
     _holes(right, recording)
     plain(right, "cells in each part", _TIME)
-    for name, (label, tone) in colors.parts(columns.models).items():
-        cells = np.nan_to_num(columns[f"{name}.cells"])
+    for label, (tone, names) in colors.grouped(columns.models).items():
+        cells = np.sum([np.nan_to_num(columns[f"{name}.cells"]) for name in names], axis=0)
         right.step(time, cells, where="post", color=_shade(tone), linewidth=1.8, label=label)
     right.set_ylim(bottom=0.0)
     right.legend(frameon=False, fontsize=9, labelcolor=INK)

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam.columns import MANY
 from softseam_protocol.messages.names import local, within
 from softseam_protocol.models import FAR_DEFAULT, MODELS, NEAR_DEFAULT, facts_of
 
@@ -21,6 +22,8 @@ TOOL = (166, 172, 184)
 GROUND = (52, 56, 66)
 CONTACT = (255, 209, 92)
 MULTIPLIER = (93, 211, 158)
+BETWEEN = (224, 64, 184)
+"""magenta: what bodies do to one another"""
 SERIES = (NEAR, FAR, MULTIPLIER, CONTACT, (190, 132, 214), (226, 96, 128), (150, 158, 170))
 
 # Viridis-like knots lifted at the dark end, so that an unstressed body still shows its shading: sRGB, equal steps.
@@ -82,6 +85,37 @@ def parts(models: Mapping[str, str]) -> dict[str, tuple[str, Tone]]:
         tone = {"near": NEAR, "far": FAR}[local(name)] if one else model.colour
         found[name] = (f"{of}{where}{model.legend}", tone)
     return found
+
+
+def grouped(models: Mapping[str, str]) -> dict[str, tuple[Tone, list[str]]]:
+    """Labels of parts with their colour and the parts of each: where there are many, those of a model together."""
+    each = parts(models)
+    if len(each) <= MANY:
+        return {label: (tone, [name]) for name, (label, tone) in each.items()}
+    found: dict[str, tuple[Tone, list[str]]] = {}
+    for name, (_, tone) in each.items():
+        found.setdefault(facts_of(models[name]).legend, (tone, []))[1].append(name)
+    return {f"{model}: {len(names)} parts": (tone, names) for model, (tone, names) in found.items()}
+
+
+def named(tone: Tone) -> str:
+    """A colour in a word, or as #rrggbb."""
+    return {NEAR: "coral", FAR: "blue"}.get(tone) or "#" + bytes(tone).hex()
+
+
+def whole_bodies(models: Mapping[str, str]) -> str:
+    """Which colour is which model where bodies are of one each; '' where one is cut."""
+    bodies = [name.rpartition(".")[0] for name in models]
+    if len({*bodies}) < len(bodies):
+        return ""
+    found = {facts_of(models[name]).legend: tone for name, (_, tone) in parts(models).items()}
+    return ", ".join(f"{named(tone)} {legend}" for legend, tone in found.items())
+
+
+def paler(tone: Tone) -> Tone:
+    """Of what sleeps: half way to the colour of tools."""
+    r, g, b = ((a + c) // 2 for a, c in zip(tone, TOOL, strict=True))
+    return r, g, b
 
 
 def tones(body: str, models: Mapping[str, str]) -> tuple[Tone, Tone]:

@@ -17,6 +17,7 @@ from softseam.view.raster import Camera, Canvas
 from softseam.view.surface import DisplaySurface
 from softseam.view.tool_shapes import ToolShape, grid_spacing, rotate, tool_shapes
 from softseam_protocol.messages.recording import SurfaceMesh
+from softseam_protocol.scene.repeat import repeated
 from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -217,7 +218,10 @@ def _names(
     """Names of tools at their middles, of several bodies at theirs, and an arrow where each way ends."""
     boxed = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.65}
     named = [(tool.shape.name, tool.middle) for tool in tools if tool.shape.kind != "plane"]
-    named += [(name, points[name].mean(axis=0)) for name in bodies if len(bodies) > 1]
+    groups: dict[str, list[Floats]] = {}
+    for name in bodies if len(bodies) > 1 else ():  # copies have one name, on the highest of them
+        groups.setdefault(repeated(name) or name, []).append(points[name].mean(axis=0))
+    named += [(name, max(at, key=lambda point: float(point[2]))) for name, at in groups.items()]
     for name, at in named:
         x, y, _ = camera.project(at[None], _WIDTH, _HEIGHT)[0]
         if 0.0 <= x <= _WIDTH and 0.0 <= y <= _HEIGHT:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from softseam.recording import Recording, time_of
 from softseam.report import ReportBuilder
 from softseam.view import colors
+from softseam.view.pair_forces import largest_totals, pair_forces
 from softseam.view.paper import INK, PAPER, SOFT, heading, write
 from softseam.view.raster import Camera, Canvas
 from softseam.view.surface import DisplaySurface, error_energy
@@ -54,16 +55,23 @@ def draw_snapshots(recording: Recording, builder: ReportBuilder, path: Path) -> 
     heading(figure, recording.scene.name.replace("_", " "), builder.verdict.text)
     axes = figure.subplots(rows, len(moments), squeeze=False)
     figure.subplots_adjust(left=0.012, right=0.988, top=1.0 - 1.15 / tall, bottom=0.8 / tall, wspace=0.025, hspace=0.03)
+    reports = {report.header.step: report for report in recording.reports()} if recording.scene.interfaces else {}
+    steps = {next(iter(frames.values())).header.step for frames in moments}
+    most = float(largest_totals(recording, steps).max(initial=0.0))
     for column, frames in enumerate(moments):
+        first = next(iter(frames.values()))
+        report = None if first.start else reports.get(first.header.step)
+        pressed = pair_forces(recording.scene.interfaces, report, frames, most) if report is not None and most else None
         paints = {name: _paint(frame, bodies[name], tops, wrong) for name, frame in frames.items()}
-        images = _draw(frames, bodies, tools, camera, height, paints, extent)
+        arrows = np.zeros((0, 2, 3)) if pressed is None else _arrows(*pressed, 0.5 * extent / most)
+        images = _draw(frames, bodies, tools, camera, height, paints, extent, arrows)
         for row, image in enumerate(images):
             axes[row, column].imshow(image, interpolation="lanczos")
             axes[row, column].set_axis_off()
         time = time_of(next(iter(frames.values())), recording.scene.step)
         axes[0, column].set_title(f"{time:.2f} s", fontsize=11, color=INK, pad=5)
     outlined = any(len(body.surface.border_lines) > 0 for body in bodies.values())
-    _legend(figure, builder, tall, outlined=outlined)
+    _legend(figure, builder, tall, outlined=outlined, pressed=most)
     factors = {body.surface.load_label: body.surface.load_factor for body in bodies.values()}
     scales = [(label, top * factors[label]) for label, top in tops.items()]
     scales += [("energy of the error [J/m³]", wrong)] if wrong else []
@@ -177,8 +185,10 @@ def _draw(
     height: int,
     paints: Mapping[str, Floats],
     extent: float,
+    arrows: Floats,
 ) -> list[NDArray[np.uint8]]:
-    """Pictures of one moment; paints (T, 3, 3 k) colour each triangle's corners in each of the k."""
+    """Pictures of one moment; paints (T, 3, 3 k) colour each triangle's corners in each of the k; arrows (a, 2, 3) [m]
+    are drawn over the bodies, in the first."""
     layers = next(iter(paints.values())).shape[2] // 3
     canvas = Canvas(_WIDTH, height, camera, layers=layers)
     frame = next(iter(frames.values()))
@@ -207,16 +217,28 @@ def _draw(
             canvas.mesh(corners, normals, tool.triangles, np.tile(_GLASS, (len(tool.triangles), 3, layers)), alpha=0.16)
             edges = rotate(turn, tool.lines.reshape(-1, 3)).reshape(-1, 2, 3) + at
             canvas.lines(edges, _TOOL_LINE, width=1.5, alpha=0.85)
+    if len(arrows):
+        canvas.lines(arrows, np.array(colors.BETWEEN) / 255.0, width=2.4, lift=1.0, layer=0)
     return [canvas.image(layer) for layer in range(layers)]
 
 
-def _legend(figure: Figure, builder: ReportBuilder, tall: float, *, outlined: bool) -> None:
+def _arrows(at: Floats, force: Floats, length: float) -> Floats:
+    """Lines from where bodies press, to both sides: half of a force [N] along each, in metres a newton."""
+    half = 0.5 * length * force
+    return np.stack([at - half, at + half], axis=1)
+
+
+def _legend(figure: Figure, builder: ReportBuilder, tall: float, *, outlined: bool, pressed: float) -> None:
     """What the colours mean, below the rows."""
     patches = [
         Patch(color=(tone[0] / 255.0, tone[1] / 255.0, tone[2] / 255.0), label=label)
-        for label, tone in colors.parts(builder.columns.models).values()
+        for label, (tone, _) in colors.grouped(builder.columns.models).items()
     ]
     patches.append(Patch(color=(0.78, 0.80, 0.83), label="tools"))
+    if pressed > 0.0:
+        tone = (colors.BETWEEN[0] / 255.0, colors.BETWEEN[1] / 255.0, colors.BETWEEN[2] / 255.0)
+        label = f"between bodies, the longest {colors.engineering(pressed, 'N')}"
+        patches.append(Patch(color=tone, label=label))
     if outlined:
         white = (colors.BORDER[0] / 255.0, colors.BORDER[1] / 255.0, colors.BORDER[2] / 255.0)
         patches.append(Patch(facecolor=white, edgecolor=INK, linewidth=0.6, label="outline of inclusions"))

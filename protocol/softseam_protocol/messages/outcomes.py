@@ -73,6 +73,8 @@ class EventKind(StrEnum):
     """what a participant's monitor saw"""
     NOT_DONE = "not_done"
     """what the scene asks for and the run did not do"""
+    OVERLAP = "overlap"
+    """bodies that nothing keeps apart pass through one another"""
     PARTICIPANT_LOST = "participant_lost"
     PARTICIPANT_RESTORED = "participant_restored"
     RECORDING = "recording"

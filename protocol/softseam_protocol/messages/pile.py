@@ -51,31 +51,28 @@ class Note:
 
 
 @message
-class Met:
-    """What a contact between two bodies of a pile did in a step: not used since there are `Meetings`."""
-
-    n_points: Count
-    """that were near enough to touch"""
-    depth: float
-    """of a point inside the other body, at most, at the end [m]"""
-    force: float
-    """largest on a point [N]"""
-    work: float
-    """on both bodies [J]"""
-
-
-@message
 class Meetings:
-    """What the m contacts between bodies of a pile did in a step, in the order of the scene's interfaces."""
+    """What k contacts between bodies of a pile, or with its guests, did in a step, ascending: those of which points
+    came near enough to touch."""
 
+    contact: Ids
+    """places among all, in the order of the scene's interfaces (k,)"""
     n_points: Ids
-    """that were near enough to touch (m,)"""
+    """that were near enough (k,)"""
     depth: Scalars
-    """of a point inside the other body, at most, at the end (m,) [m]"""
-    force: Scalars
-    """largest on a point (m,) [N]"""
+    """of a point inside the other body, at most, at the end (k,) [m]"""
+    largest: Scalars
+    """force on a point, or on a patch (k,) [N]"""
     work: Scalars
-    """on both bodies (m,) [J]"""
+    """on both bodies (k,) [J]"""
+    force: Vectors
+    """of all points on the first body, the mean of the step (k, 3) [N]"""
+
+
+def no_meetings() -> Meetings:
+    """Of a step in which nothing came near."""
+    ids, none = np.zeros(0, dtype=np.int32), np.zeros(0)
+    return Meetings(ids, ids, none, none, none, np.zeros((0, 3)))
 
 
 @message
@@ -107,18 +104,11 @@ class Members:
     high: Vectors
     notes: list[Note] = field(default_factory=list)
     """of those of whose step there is something to say"""
-    met: list[Met] = field(default_factory=list)
-    """not used since there is `meetings`"""
     interface_work: Scalars = field(default_factory=lambda: np.zeros(0))
     """of other bodies of the pile on each (b,) [J]"""
-    meetings: Meetings = field(default_factory=lambda: no_meetings(0))
+    meetings: Meetings = field(default_factory=no_meetings)
     on_guests: list[Push] = field(default_factory=list)
     """by all that touch each guest, in the order of `Configure.guests`"""
-
-
-def no_meetings(m: int) -> Meetings:
-    """Of m contacts in a step in which nothing touched."""
-    return Meetings(np.zeros(m, dtype=np.int32), np.zeros(m), np.zeros(m), np.zeros(m))
 
 
 @message

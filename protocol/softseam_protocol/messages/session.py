@@ -35,6 +35,15 @@ class InterfaceReport:
     """largest multiplier [N]"""
     work: float
     """work of the interface on both parts together, in this step [J]"""
+    force_x: float = 0.0
+    """of all nodes or points on the first body, or the near part, the mean of the step [N]"""
+    force_y: float = 0.0
+    force_z: float = 0.0
+
+    @property
+    def total(self) -> tuple[float, float, float]:
+        """That force along x, y and z [N]."""
+        return self.force_x, self.force_y, self.force_z
 
 
 @message
@@ -95,7 +104,8 @@ class StepReport:
     quantities: dict[str, float]
     """by name: grip_force; where the scene has several bodies, BODY.grip_force; of probes PROBE.von_mises"""
     interfaces: dict[str, InterfaceReport]
-    """by id: BODY.seam between the parts of a body"""
+    """by id: BODY.seam between the parts of a body; the name that the scene has of what is between two bodies; A+B of
+    bodies that may touch because its `contacts` say so, where they pressed in the step"""
     parts: dict[str, PartReport]
     """by id: BODY.near and BODY.far"""
     energy: dict[str, float]
@@ -120,8 +130,8 @@ class StepReport:
 
     @property
     def seam(self) -> InterfaceReport:
-        """All interfaces together: the largest gap, exchanges and force, the sums of nodes and work;
-        one exchange where there are none."""
+        """All interfaces together: the largest gap, exchanges and force, the sums of nodes, work and whole forces; one
+        exchange where there are none."""
         joined = self.interfaces.values()
         return InterfaceReport(
             max((one.gap for one in joined), default=0.0),
@@ -129,6 +139,7 @@ class StepReport:
             sum(one.n_nodes for one in joined),
             max((one.force for one in joined), default=0.0),
             sum(one.work for one in joined),
+            *(sum(one.total[axis] for one in joined) for axis in range(3)),
         )
 
 

@@ -18,7 +18,8 @@ from softseam_protocol.scene import marked_yaml
 from softseam_protocol.scene.keys import described, keys_allowed
 from softseam_protocol.scene.marked_yaml import Mark, Marked
 from softseam_protocol.scene.motion import PHASE_KEYS
-from softseam_protocol.scene.scene import Scene
+from softseam_protocol.scene.repeat import repeated
+from softseam_protocol.scene.scene import AS_WRITTEN, Scene
 from softseam_protocol.scene.tools import MeshTool
 from softseam_protocol.scene.whole_file import Unreadable, whole_file
 from softseam_protocol.scene.written_number import remedy
@@ -103,6 +104,8 @@ def place_of(path: Path, key: str) -> tuple[int, int]:
     """Line and column of a dotted key in a scene's file, or of what of it is there. Raises OSError and YamlError."""
     values = marked_yaml.parse(path.read_text("utf-8-sig")).values
     at: marked_yaml.Path = tuple(int(item) if item.isdigit() else item for item in key.split("."))
+    if len(at) > 1 and at[0] == "bodies" and at[:2] not in values:
+        at = ("bodies", repeated(str(at[1])), *at[2:])
     while at not in values:
         at = at[:-1]
     return values[at].line, values[at].column
@@ -149,6 +152,11 @@ def bundle_scene(scene: Scene, files: dict[str, bytes] | None = None) -> Bundle:
 def scene_json(scene: Scene) -> str:
     """The canonical text of a scene: every default written out, keys sorted."""
     return json.dumps(scene.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+
+
+def scene_as_written(scene: Scene) -> dict[str, Any]:
+    """The document of a scene in which bodies that repeat are once: what settings change."""
+    return scene.model_dump(mode="json", context=AS_WRITTEN)
 
 
 def scene_hash(bundle: Bundle) -> str:

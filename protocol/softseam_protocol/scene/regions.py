@@ -10,6 +10,7 @@ from softseam_protocol.models import FAR_DEFAULT, MODELS, NEAR_DEFAULT, ModelKin
 from softseam_protocol.scene.friction_field import FrictionFieldSpec
 from softseam_protocol.scene.kinds import SCHEMES
 from softseam_protocol.scene.materials import MaterialSpec
+from softseam_protocol.scene.repeat import RepeatSpec
 from softseam_protocol.scene.spec import BoxRegion, Positive, RowOf, Spec, wrong
 
 if TYPE_CHECKING:  # which stands on this
@@ -148,6 +149,11 @@ class OwnRegions(Spec):
         default=None,
         exclude_if=lambda regions: regions is None,
         description="which of its cells get which model; default: the scene's `regions`",
+    )
+    repeat: RepeatSpec | None = Field(
+        default=None,
+        exclude_if=lambda repeat: repeat is None,
+        description="copies of it on a grid, of one of several bodies; default: it is there once",
     )
 
     @property

@@ -4,15 +4,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    FieldSerializationInfo,
+    PrivateAttr,
+    SerializerFunctionWrapHandler,
+    field_serializer,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from softseam_protocol.messages.names import ONLY_BODY, prefix
 from softseam_protocol.quantities import QUANTITIES, QuantityName, probed
+from softseam_protocol.scene.apart import check_apart
 from softseam_protocol.scene.bodies import AnyBody, BodyName
 from softseam_protocol.scene.consistency import check_body, check_tools
-from softseam_protocol.scene.interfaces import AnyInterface, InterfaceName, check_interface
+from softseam_protocol.scene.copies import each_body
+from softseam_protocol.scene.interfaces import (
+    AnyContacts,
+    AnyInterface,
+    ContactsSpec,
+    InterfaceName,
+    InterfaceSpec,
+    check_contacts,
+    check_interface,
+    contacts_of,
+    no_surface,
+)
 from softseam_protocol.scene.models import ModelsSpec
 from softseam_protocol.scene.motion import LARGEST_TURN, ClosePhase, HoldPhase, MovePhase, OpenPhase, Phase, TurnPhase
 from softseam_protocol.scene.regions import RegionsSpec, SeamSpec
@@ -21,6 +42,8 @@ from softseam_protocol.scene.tools import PlaneTool, ToolName, ToolSpec
 
 ProbeName = ToolName
 MOST_STEPS = 10_000_000
+AS_WRITTEN = "as written"
+"""context of a dump in which bodies that repeat are once, with what is said of their copies"""
 
 
 class BudgetSpec(Spec):
@@ -57,12 +80,19 @@ class Scene(Spec):
         alias="bodies",
         exclude_if=lambda bodies: not bodies,
         description="bodies by name, in the place of `body`, each with `regions` of its own where those of the scene "
-        "are not for it; they meet at `interfaces` alone",
+        "are not for it; they meet at `interfaces` and `contacts` alone",
     )
-    interfaces: dict[InterfaceName, AnyInterface] = Field(
+    joints: dict[InterfaceName, AnyInterface] = Field(
         default={},
+        alias="interfaces",
         exclude_if=lambda interfaces: not interfaces,
         description="where bodies meet, and what holds there, by name",
+    )
+    contacts: AnyContacts | None = Field(
+        default=None,
+        exclude_if=lambda contacts: contacts is None,
+        description="what is between any two bodies that touch; none: they are to pass through one another; default: "
+        "they do, and that is said",
     )
     tools: dict[ToolName, ToolSpec] = Field(default={}, description="rigid tools by name")
     motion: tuple[Phase, ...] = Field(default=(), description="phases, one after another")
@@ -92,6 +122,9 @@ class Scene(Spec):
     )
     budget: BudgetSpec | None = Field(default=None, description="what they may cost; goes with a tolerance")
 
+    _copies: tuple[Mapping[str, AnyBody], Mapping[str, AnyBody]] | None = PrivateAttr(default=None)
+    """bodies as they are written, and with each copy"""
+
     @property
     def body(self) -> AnyBody:
         """The only body. Raises SeveralBodies where there are more: see `bodies` and `of`."""
@@ -103,8 +136,29 @@ class Scene(Spec):
 
     @property
     def bodies(self) -> Mapping[str, AnyBody]:
-        """All bodies by name, in the scene's order; one that is given as `body` is called `body`."""
-        return self.many if self.one is None else {ONLY_BODY: self.one}
+        """All bodies by name, in the scene's order, with each copy of one that repeats; one that is given as `body` is
+        called `body`."""
+        if self.one is not None:
+            return {ONLY_BODY: self.one}
+        if self._copies is None or self._copies[0] is not self.many:
+            repeats = any(body.repeat is not None for body in self.many.values())
+            self._copies = self.many, each_body(self.many) if repeats else self.many
+        return self._copies[1]
+
+    @property
+    def interfaces(self) -> Mapping[str, InterfaceSpec]:
+        """All interfaces by name: those that are written, then what `contacts` makes of other pairs."""
+        if not isinstance(self.contacts, ContactsSpec):
+            return self.joints
+        able = tuple(name for name, body in self.bodies.items() if not no_surface(body, self.regions))
+        joined = frozenset(frozenset(each.between) for each in self.joints.values())
+        return {**self.joints, **contacts_of(self.contacts, able, joined)}
+
+    def is_joined(self, name: str) -> bool:
+        """Whether an interface may be between a body and another."""
+        if isinstance(self.contacts, ContactsSpec) and not no_surface(self.bodies[name], self.regions):
+            return len(self.bodies) > 1
+        return any(name in each.between for each in self.joints.values())
 
     def of(self, name: str) -> Scene:
         """The scene with one of its bodies alone: its own regions, and of the quantities and probes what it can have.
@@ -115,16 +169,20 @@ class Scene(Spec):
             if name != ONLY_BODY:
                 raise KeyError(f"no body is called {name!r}; the scene has: {ONLY_BODY}")
             return self._with_models_of(self.one)
-        if name not in self.many:
-            raise KeyError(f"no body is called {name!r}; the scene has: {', '.join(self.many)}")
-        body = self.many[name]
+        if name not in self.bodies:
+            raise KeyError(f"no body is called {name!r}; the scene has: {', '.join(self.bodies)}")
+        return self._alone(self.bodies[name])
+
+    def _alone(self, body: AnyBody) -> Scene:
+        """The scene with one of several bodies alone."""
         regions = body.regions or (self.regions if body.has_cells else RegionsSpec(default=body.usual_model))
         kinds = ("any", body.made_of)
         return self._with_models_of(body).model_copy(
             update={
                 "one": body,
                 "many": {},
-                "interfaces": {},
+                "joints": {},
+                "contacts": None,
                 "regions": regions,
                 "quantities": tuple(name for name in self.quantities if QUANTITIES[name].of in kinds),
                 "probes": self.probes if body.has_cells else {},
@@ -156,7 +214,14 @@ class Scene(Spec):
         """The scene with another body of that name in the place of the one that has it; not validated."""
         if self.one is not None:
             return self.model_copy(update={"one": body})
-        return self.model_copy(update={"many": {**self.many, name: body}})
+        return self.model_copy(update={"many": {**self.bodies, name: body}})
+
+    @field_serializer("many", mode="wrap")
+    def _each_copy(
+        self, many: dict[str, AnyBody], handler: SerializerFunctionWrapHandler, info: FieldSerializationInfo
+    ) -> Any:
+        """Copies are bodies like others for whoever reads a scene, but where it is asked for as it was written."""
+        return handler(many if self.one is not None or info.context is AS_WRITTEN else self.bodies)
 
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
@@ -174,15 +239,21 @@ class Scene(Spec):
             if isinstance(phase, OpenPhase):
                 self._closed_before(i, phase)
         self._bodies_are_told()
-        for name in self.bodies:
-            near = self.of(name).regions.near
+        alone = {name: self._alone(body) for name, body in self.many.items()} or {"": self.of(ONLY_BODY)}
+        for name, scene in alone.items():  # of copies once
+            near = scene.regions.near
             if near is not None:
                 own = self.one is None and self.many[name].regions is not None
                 at = ("bodies", name, "regions") if own else ("regions",)
                 check_tools(self, near.tools or (), *at, "near", "tools")
-            check_body(self.of(name), "" if self.one is not None else name, self.kinds)
-        for name, interface in self.interfaces.items():
+            check_body(scene, name, self.kinds)
+        for name, interface in self.joints.items():
             check_interface(name, interface, self.bodies, self.regions)
+        if isinstance(self.contacts, ContactsSpec):
+            check_contacts(self.contacts, self.bodies, self.regions)
+        check_apart(
+            self.bodies, {frozenset(each.between) for each in self.interfaces.values() if each.kind == "contact"}
+        )
         if self.duration is None and not self.motion:
             raise wrong("give a duration, or a motion whose end is the end of the run")
         if self.duration is not None and self.duration / self.step > MOST_STEPS:
@@ -216,9 +287,17 @@ class Scene(Spec):
                 raise wrong("a scene has one `body` or several `bodies`, not both: move it into them", "body")
             if self.one.regions is not None:
                 raise wrong("of one body, `regions` stands beside `body`, not in it: move it there", "body", "regions")
+            if self.one.repeat is not None:
+                text = "copies are several bodies: put it into `bodies`, under a name"
+                raise wrong(text, "body", "repeat")
             return
         if not self.many:
             raise wrong("the key 'body' is missing: give one body, or several by name in `bodies`")
+        try:
+            each_body(self.many)
+        except PydanticCustomError as error:
+            context = error.context or {}
+            raise wrong(context["message"], "bodies", *context["at"]) from None
         if self.symmetry:
             raise wrong("planes through the middle of one body: leave it out, there are several bodies", "symmetry")
         if self.tolerance is not None:

@@ -56,6 +56,7 @@ class AfterStep:
     def forget(self) -> None:
         """The last step is another's."""
         self._warnings.forget()
+        self._bodies.overlaps.forget()
         for body in self._bodies.named.values():
             body.warnings.forget()
             body.whereabouts.forget()
@@ -136,6 +137,9 @@ class AfterStep:
             body.warnings.follow(at, replies, body.balance.raised, estimates.get(name))
             if looks:
                 self.try_to(partial(body.watch, at, replies, taken.wrenches[name], *self._moving.poses))
+        overlaps = self._bodies.overlaps
+        if looks and overlaps.possible:
+            overlaps.look(at, np.array([taken.solutions.bounds(name) for name in self._bodies.named]))
         if moved.missed:
             self._say("force", f"step {at}: {moved.missed}")
         if moved.unreached:

@@ -25,6 +25,7 @@ from softseam_services.orchestrator.hosting import Hosting
 from softseam_services.orchestrator.islands import advance_all
 from softseam_services.orchestrator.joined_bodies import Between, JoinedBodies, interfaces_of, joints_of
 from softseam_services.orchestrator.ladder import Ladder
+from softseam_services.orchestrator.overlaps import Overlaps
 from softseam_services.orchestrator.participants import Participants
 from softseam_services.orchestrator.parts import resting_state
 from softseam_services.orchestrator.pile import Gathered, MemberTransport, Pile, piles_of
@@ -71,9 +72,11 @@ class Bodies:
             for name, body in scene.bodies.items()
             if body.said("ladder", ())
         }
-        piled = piles_of(setups, scene.interfaces, self._ladders)
+        interfaces = scene.interfaces
+        self._order = {name: place for place, name in enumerate(interfaces)}
+        piled = piles_of(setups, interfaces, self._ladders)
         self._piles = {model: self._pile(model, each) for model, each in piled.items()}
-        within = [name for pile in self._piles.values() for name in pile.contacts]
+        within = {name for pile in self._piles.values() for name in pile.contact_names}
         self._interfaces = interfaces_of(scene, setups, within)
         guests = [name for pile in self._piles.values() for name in pile.guests]
         self._touched = {name: setups[name].touched(math.inf).nodes for name in guests}
@@ -95,7 +98,8 @@ class Bodies:
             for name in (*pile.names, *pile.guests):
                 del self._lone[name]
         mass, tools = {name: setup.body.total_mass for name, setup in setups.items()}, next(iter(setups.values())).tools
-        islands = islands_of(self.named, (interface.between for interface in scene.interfaces.values()))
+        self.overlaps = Overlaps(scene, report)
+        islands = islands_of(self.named, (interface.between for interface in interfaces.values()))
         self._sleeping = Sleeping(scene.sleep, islands, mass, tools, self._woke)
 
     def _simulated(self, name: str, bundle: Bundle, setup: Setup) -> SimulatedBody:
@@ -257,11 +261,15 @@ class Bodies:
 
     @property
     def interface_reports(self) -> dict[str, InterfaceReport]:
-        """Of the last step, by interface between bodies, in the scene's order."""
+        """Of the last step, by interface between bodies, in the scene's order: of those that it writes, and of others
+        that pressed."""
         found = {name: report for island in self._joined for name, report in island.reports.items()}
         for pile in self.piles:
             found |= pile.interfaces
-        return {name: found[name] for name in self._scene.interfaces if name in found}
+        for name in self._scene.joints.keys() - found.keys():
+            found[name] = InterfaceReport(0.0, 0, 0, 0.0, 0.0)
+        names = sorted(found, key=self._order.__getitem__)
+        return {name: found[name] for name in names if name in self._scene.joints or any(found[name].total)}
 
     # ---- snapshots
 

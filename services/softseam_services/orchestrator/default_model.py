@@ -34,8 +34,13 @@ _ANY = ("cells", "particles")
 """kinds that the scene's other bodies may be of: what goes with them was checked as it was read"""
 
 
-def with_model(scene: Scene, spec: AnyBodySpec, body: AnyBody, tools: ToolSet) -> tuple[Scene, str]:
-    """The scene of one body with regions that name a model, and why; '' where nothing was to be decided."""
+def with_model(
+    scene: Scene, spec: AnyBodySpec, body: AnyBody, tools: ToolSet, joined: bool = False
+) -> tuple[Scene, str]:
+    """The scene of one body with regions that name a model, and why; '' where nothing was to be decided.
+
+    joined  interfaces may join it to other bodies, so that it has to be whole
+    """
     if scene.regions.default is not None:
         return scene, ""
     if not body.has_cells:
@@ -58,7 +63,7 @@ def with_model(scene: Scene, spec: AnyBodySpec, body: AnyBody, tools: ToolSet) -
     why = f"{_NONE}, and {one} on all would cost {share:.2g} times what {other} does, for {unknowns:,} unknowns"
     within = float(f"{REACH * body.edges.max():.3g}")
     near = _given(scene, other, NearSpec(within=within))
-    if tools.followed.any() and fits(near, _ANY):
+    if tools.followed.any() and not joined and fits(near, _ANY):
         return near, f"{why}: it gets those within {1e3 * within:g} mm of tools that move"
     return pbd, f"{why} (regions.default: {one} for that)"
 

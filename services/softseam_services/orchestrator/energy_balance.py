@@ -98,7 +98,8 @@ class EnergyBalance:
         interfaces = {}
         if len(solution.multipliers):
             force = largest(solution.multipliers)
-            told = InterfaceReport(solution.gap, solution.exchanges, len(solution.multipliers), force, seam_work)
+            sizes = solution.gap, solution.exchanges, len(solution.multipliers), force, seam_work
+            told = InterfaceReport(*sizes, *solution.multipliers.sum(axis=0).tolist())
             interfaces[parts.interface] = told
         interface_work = 0.0
         if len(parts.joints):  # what other bodies do to this one

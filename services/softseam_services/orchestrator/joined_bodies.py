@@ -19,6 +19,7 @@ from softseam_coupling.loops.one_way import OneWay
 from softseam_protocol.messages.outcomes import Detail
 from softseam_protocol.messages.participant import Advanced, Capabilities, Request, ToolMotion
 from softseam_protocol.messages.session import InterfaceReport
+from softseam_protocol.scene.interfaces import written_key
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.errors import SettingError
@@ -61,12 +62,12 @@ def interfaces_of(scene: Scene, setups: Mapping[str, Setup], within: Collection[
         try:
             kind = KINDS[spec.kind](spec, a, b)
         except ValueError as error:
-            raise SettingError(f"interfaces.{name}: {error}") from error
+            raise SettingError(f"{written_key(name)}: {error}") from error
         for body, nodes, side in zip(spec.between, kind.nodes, (a, b), strict=True):
             if not len(nodes) or (np.diff(nodes) <= 0).any() or side.fixed[nodes].any():
                 raise SettingError(
-                    f"interfaces.{name}: it acts on no node of {body!r}, on one twice, or on one that is clamped: give "
-                    "it nodes in ascending order that may move"
+                    f"{written_key(name)}: it acts on no node of {body!r}, on one twice, or on one that is clamped: "
+                    "give it nodes in ascending order that may move"
                 )
         found[name] = Between(spec.between, kind)
     return found
@@ -286,10 +287,12 @@ class JoinedBodies:
             moved = [now - then for now, then in zip(x, before[interface.name], strict=True)]
             a, b = (m if w is None else w @ m for m, w in zip(moved, interface.weights, strict=True))
             work = float(np.vdot(own, a - b))
+            force = own.sum(axis=0) * (dt / self._clock.dt)  # of a part of a step: its share of the mean
             last = self.reports.get(interface.name)
-            work += 0.0 if last is None else last.work
-            report = InterfaceReport(solution.gap, solution.exchanges, interface.n_rows, largest(own), work)
-            self.reports[interface.name] = report
+            if last is not None:
+                work, force = work + last.work, force + last.total
+            sizes = solution.gap, solution.exchanges, interface.n_rows, largest(own), work
+            self.reports[interface.name] = InterfaceReport(*sizes, *force.tolist())
 
     def _tell_of(self, solution: Outcome, before: int) -> None:
         """Tell where the step was taken in parts, or a gap was kept."""

@@ -58,8 +58,9 @@ class Pile:
         """of its bodies, in their order; id of the part that they are"""
         self.guests = tuple(guests)
         """names of bodies of other models that touch it"""
-        self.contacts = tuple(contacts_among([*names, *guests], scene.interfaces))
-        """names of the interfaces between its bodies, and with guests"""
+        found = contacts_among([*names, *guests], scene.interfaces)
+        self.contact_names, self.contacts = tuple(found), tuple(found.values())
+        """of the interfaces between its bodies, and with guests; these"""
         self._place = {name: place for place, name in enumerate(names)}
         self._alone = Parts(self.part, {self.part: model}, {self.part: _NONE}, {self.part: n_nodes}, _NONE)
         self._asked_through = _ByBody(transport, names, guests)

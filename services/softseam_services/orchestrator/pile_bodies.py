@@ -18,7 +18,7 @@ from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import Figure, Status
 from softseam_protocol.messages.participant import Advanced, Coupled, Fields
-from softseam_protocol.messages.pile import Members, no_meetings
+from softseam_protocol.messages.pile import Meetings, Members, no_meetings
 from softseam_protocol.messages.session import ErrorEstimate, Frame, InterfaceReport, PartReport
 from softseam_services.orchestrator.creep import Creep
 from softseam_services.orchestrator.energy_balance import Entry
@@ -36,7 +36,6 @@ Floats = NDArray[np.float64]
 _FREE = np.zeros((0, 3))
 _ARRAYS = [each.name for each in fields(Members) if each.name not in ("notes", "met", "meetings", "on_guests")]
 _FIGURES = [each for each in Figure if each in _ARRAYS]
-_APART = InterfaceReport(0.0, 0, 0, 0.0, 0.0)
 _STILL = {"tool_work": 0, "interface_work": 0, "dissipated": 0, "iterations": 0, "n_substeps": 1}
 """of bodies that sleep through a step"""
 
@@ -57,6 +56,10 @@ class PileBodies:
         self._inelastic = any(body.balance.inelastic for body in self._bodies)
         self._parts: list[tuple[str, tuple[str, str, int, int]]] = []
 
+        places = {name: place for place, name in enumerate((*pile.names, *pile.guests))}
+        between = [[places[name] for name in contact.between] for contact in pile.contacts]
+        self._pairs = np.array(between, dtype=np.int64).reshape(-1, 2)  # places of bodies, and of guests after them
+
     def begin(self) -> None:
         """The bodies stand where they are put: at the scene's start, or where they were saved."""
         b, t = len(self._bodies), len(self._tools.names)
@@ -65,7 +68,7 @@ class PileBodies:
             *(none, none, none, none, none, flat, flat, none, none, none, ids, ids, ids),
             *(np.zeros((b, t, 6)), flat, flat),
             interface_work=none,
-            meetings=no_meetings(len(self.pile.contacts)),
+            meetings=no_meetings(),
         )
         self._header = Header(SCHEMA_VERSION, "", self.pile.part, 0, 0, 0, 0.0)
         self._seconds, self._awake = 0.0, np.arange(b)
@@ -119,10 +122,13 @@ class PileBodies:
                 array[self._awake] = getattr(reply.members, name)
         said = None if reply is None else reply.members
         met = self._step.meetings
+        if said is not None:
+            between = self._pairs[met.contact]
+            rests = np.append(asleep, np.zeros(len(self.pile.guests), dtype=np.bool_))[between]
+            met = _of(met, rests[:, 0] | rests[:, 1])
         still = replace(met, work=np.zeros_like(met.work))
-        self._step = (
-            replace(step, meetings=still) if said is None else replace(step, notes=said.notes, meetings=said.meetings)
-        )
+        notes, news = ([], no_meetings()) if said is None else (said.notes, said.meetings)
+        self._step = replace(step, meetings=_both(still, news), notes=notes)
 
     def stand(self, name: str, reply: Advanced) -> None:
         """A body sleeps, as it stood when it fell asleep."""
@@ -178,13 +184,12 @@ class PileBodies:
 
     @property
     def interfaces(self) -> dict[str, InterfaceReport]:
-        """Of the last step, by contact between its bodies; of those asleep, as it was when they fell asleep."""
-        met = self._step.meetings
-        figures = met.depth.tolist(), met.n_points.tolist(), met.force.tolist(), met.work.tolist()
-        each = zip(self.pile.contacts, *figures, strict=True)
-        return {
-            name: InterfaceReport(depth, 0, n, force, work) if n else _APART for name, depth, n, force, work in each
-        }
+        """Of the last step, by contact between its bodies: of those that came near enough, and those asleep as it was
+        when they fell asleep."""
+        met, names = self._step.meetings, self.pile.contact_names
+        figures = met.contact.tolist(), met.depth.tolist(), met.n_points.tolist(), met.largest.tolist()
+        each = zip(*figures, met.work.tolist(), met.force.tolist(), strict=True)
+        return {names[at]: InterfaceReport(depth, 0, n, most, work, *force) for at, depth, n, most, work, force in each}
 
     def measure(
         self, position: Floats, orientation: Floats, frames: Mapping[str, Frame], lifting: bool
@@ -276,3 +281,15 @@ class PileBodies:
 
     def _tell(self, place: int, kind: str, message: str) -> None:
         self._bodies[place].report(kind, message)
+
+
+def _of(met: Meetings, which: NDArray[np.bool_]) -> Meetings:
+    """Some of the contacts."""
+    return Meetings(*(getattr(met, each.name)[which] for each in fields(Meetings)))
+
+
+def _both(one: Meetings, other: Meetings) -> Meetings:
+    """Contacts of both, ascending."""
+    order = np.argsort(np.concatenate([one.contact, other.contact]), kind="stable")
+    names = [each.name for each in fields(Meetings)]
+    return Meetings(*(np.concatenate([getattr(one, name), getattr(other, name)])[order] for name in names))

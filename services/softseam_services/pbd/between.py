@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from softseam_coupling.interfaces import Faces
 from softseam_coupling.kernels.nearest_face import N_OF_FACE
 from softseam_protocol.messages.pile import Meetings
+from softseam_protocol.scene.interfaces import written_key
 from softseam_services.body.body import Floats, Ints
 from softseam_services.body.contact_faces import faces_of
 from softseam_services.body.errors import SettingError
@@ -18,7 +19,7 @@ from softseam_services.body.sampled_faces import SampledFaces
 from softseam_services.jit import Rows
 
 from .guests import Guests
-from .kernels.between import DEPTH, LARGEST, WORK, new_books
+from .kernels.between import DEPTH, IMPULSE, LARGEST, WORK, new_books
 from .kernels.eights import fill_eights, find_groups, lay_rows, new_eights, new_groups
 from .kernels.pairs import EIGHT
 from .kernels.touch import LISTED, N_INTS, N_NUMBERS, Touch, find_rows
@@ -53,7 +54,7 @@ class Between:
         faces: list[Faces | SampledFaces] = [*[_NO_FACES] * own, *guests.faces]
         for name, contact in contacts.items():
             for body in contact.bodies:
-                if body < own:
+                if body < own and faces[body] is _NO_FACES:
                     faces[body] = _faces(name, pieces.each[body])
         nodes = [each.nodes if isinstance(each, Faces) else np.arange(len(each.area)) for each in faces]
         masses = [piece.parameters.arrays.inverse_mass[at] for piece, at in zip(pieces.each, nodes[:own], strict=True)]
@@ -110,6 +111,7 @@ class Between:
         )
         self._visits: Mask = self.touch.visits
         self._make_room(counts, pair, [each for each in faces if isinstance(each, Faces)])
+        self._dt = 1.0
         sides = pair.ravel()
         kept_by = np.where(sides < own, sides, np.where(pair[:, ::-1].ravel() < own, pair[:, ::-1].ravel(), 0))
         self._own = [np.flatnonzero(kept_by == number) for number in range(own)]
@@ -126,7 +128,7 @@ class Between:
         asleep  of the pile's bodies, and of guests
         now     which of the forces between bodies the step begins with
         """
-        touch, guests = self.touch, self._guests
+        touch, guests, self._dt = self.touch, self._guests, dt
         touch.guest_at[:], touch.guest_to[:] = guests.came, guests.goes
         n_rows, others = find_rows(members, self._n_own, touch, asleep, now, dt)
         if others:
@@ -154,10 +156,14 @@ class Between:
 
     @property
     def met(self) -> Meetings:
-        """What the contacts did in the last step."""
+        """What the contacts did in the last step that had points near enough."""
         counts = np.diff(self.touch.start)
-        figures = np.where(counts > 0, self.books.met.T, 0.0)
-        return Meetings(counts, figures[DEPTH], figures[LARGEST], figures[WORK])
+        places = np.flatnonzero(counts).astype(np.int32)
+        met = self.books.met[places]
+        force = met[:, IMPULSE:] / self._dt
+        return Meetings(
+            places, counts[places], met[:, DEPTH].copy(), met[:, LARGEST].copy(), met[:, WORK].copy(), force
+        )
 
     def size_of(self, number: int) -> int:
         """Of `of_body`."""
@@ -196,12 +202,12 @@ def _faces(name: str, piece: Piece) -> Faces:
     """The surface of a body that an interface of this name meets. Raises SettingError."""
     found = faces_of(piece.body)
     if found is None:
-        raise SettingError(f"interfaces.{name}: contact meets no surface that runs through cells yet: take blocks")
+        raise SettingError(f"{written_key(name)}: contact meets no surface that runs through cells yet: take blocks")
     if piece.apart or piece.parameters.arrays.tolerance > 0.0:
         raise SettingError(
-            f"interfaces.{name}: bodies that touch are advanced by sweeps that are as many in all of them: leave out "
+            f"{written_key(name)}: bodies that touch are advanced by sweeps that are as many in all of them: leave out "
             "models.pbd.residual, method: leapfrog, and materials with a state of their own"
         )
     if len(piece.model.arrays.hanging.node):
-        raise SettingError(f"interfaces.{name}: contact meets no cells of two sizes yet: leave out models.pbd.coarse")
+        raise SettingError(f"{written_key(name)}: contact meets no cells of two sizes yet: leave out models.pbd.coarse")
     return found

@@ -72,13 +72,17 @@ def new_state(n: int, b: int, p: int, t: int, r: int = 0, buffer: Floats | None 
     return PbdState(buffer, *views)
 
 
-MAGIC = b"softseam pbd 6\n"
+MAGIC = b"softseam pbd 7\n"
 
 
 def encode_state(state: PbdState, probed: Floats) -> bytes:
-    """Magic line, counts of float64 in the state and in `probed` as 8 bytes little-endian each, the values likewise."""
-    counts = len(state.buffer).to_bytes(8, "little") + len(probed).to_bytes(8, "little")
-    return MAGIC + counts + np.concatenate([state.buffer, probed]).astype("<f8", copy=False).tobytes()
+    """Magic line, counts of float64 in the state, in `probed`, and of these such that are not 0, as 8 bytes
+    little-endian each; the values of the state, places of the latter as int64, and their values likewise: of a body
+    that may touch many others most are 0."""
+    places = np.flatnonzero(probed.view(np.int64))
+    counts = b"".join(each.to_bytes(8, "little") for each in (len(state.buffer), len(probed), len(places)))
+    values = state.buffer, places.astype("<i8", copy=False).view("<f8"), probed[places]
+    return MAGIC + counts + np.concatenate(values).astype("<f8", copy=False).tobytes()
 
 
 def decode_state(data: bytes, state: PbdState, most_probed: int) -> Floats:
@@ -86,19 +90,22 @@ def decode_state(data: bytes, state: PbdState, most_probed: int) -> Floats:
 
     Raises ValueError where it is no snapshot of this region.
     """
-    head = len(MAGIC) + 16
+    head = len(MAGIC) + 24
     if data[: len(MAGIC)] != MAGIC or len(data) < head:
         raise ValueError("this is not a snapshot of a PBD participant: restore the bytes that `snapshot` returned")
-    count = int.from_bytes(data[len(MAGIC) : head - 8], "little")
-    probed = int.from_bytes(data[head - 8 : head], "little")
-    if count != len(state.buffer) or probed not in (0, most_probed) or len(data) != head + 8 * (count + probed):
+    count, probed, some = (int.from_bytes(data[at : at + 8], "little") for at in range(len(MAGIC), head, 8))
+    if count != len(state.buffer) or probed not in (0, most_probed) or len(data) != head + 8 * (count + 2 * some):
         raise ValueError(
             f"the snapshot holds {count} numbers in {len(data)} bytes, this region needs {len(state.buffer)}: "
             "configure the region that the snapshot was taken from"
         )
-    values = np.frombuffer(data, dtype="<f8", offset=head)
+    places = np.frombuffer(data, dtype="<i8", offset=head + 8 * count, count=some)
+    if some > probed or not ((places >= 0) & (places < probed)).all():
+        raise ValueError(f"the snapshot has {some} forces in places that are none of {probed}: it is damaged")
+    values, found = np.frombuffer(data, dtype="<f8", offset=head), np.zeros(probed)
+    found[places] = values[count + some :]
     state.buffer[:] = values[:count]
-    return values[count:].astype(np.float64)
+    return found
 
 
 @record

@@ -35,10 +35,10 @@ N_SUMS = 8
 _FELT = _SUMS + N_SUMS
 N_WORKSPACE = (_FELT + 1) * EIGHT
 
-DEPTH, LARGEST, WORK = 0, 1, 2
-N_MET = 3
-"""of a meeting in a step: how deep points are inside the other body at its end [m], the largest force on one [N], and
-work on both bodies [J]"""
+DEPTH, LARGEST, WORK, IMPULSE = 0, 1, 2, 3
+N_MET = 6
+"""of a meeting in a step: how deep points are inside the other body at its end [m], the largest force on one [N], work
+on both bodies [J], and the impulse on the first (3,) [N s]"""
 
 
 @record
@@ -258,6 +258,8 @@ def account_rows(touch, meetings, books, h):
             books.work[own] += row[6]
             books.work[other] += row[7] - row[6]
             books.met[meeting, WORK] += row[7]
+            for c in range(3):
+                books.met[meeting, IMPULSE + c] += h * row[c] if side == 0 else -h * row[c]
             row[:] = 0.0
 
 

@@ -82,12 +82,12 @@ def _open_visits(group, visits, xw, substep, n_substeps):
 
 
 @njit(cache=True, error_model="numpy")
-def _close_visits(group, visits, books, xw, h, n_substeps):
+def _close_visits(group, visits, touch, books, xw, h, n_substeps):
     """And is over."""
     patches, guests = visits
     push_guests(guests, group[4], patches, group[1])
     for meeting in group[1]:
-        account_patches(books, patches, meeting, xw, guests, h, n_substeps)
+        account_patches(touch, books, patches, meeting, xw, guests, h, n_substeps)
 
 
 @njit(cache=True, error_model="numpy")
@@ -114,7 +114,7 @@ def _substeps(members, group, touch, eights, visits, books, xw, inputs, dt, n_su
                     _sweep(one, round_ + 1, share, h, team, ws)
         look_at_rows(eights, first, end, books, xw)
         account_rows(touch, meetings, books, h)
-        _close_visits(group, visits, books, xw, h, n_substeps)
+        _close_visits(group, visits, touch, books, xw, h, n_substeps)
         if substep + 1 < n_substeps:
             _open_visits(group, visits, xw, substep + 1, n_substeps)
         for body in bodies:

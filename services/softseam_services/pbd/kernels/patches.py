@@ -17,7 +17,7 @@ import numpy as np
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import njit, record
 
-from .between import DEPTH, LARGEST, WORK
+from .between import DEPTH, IMPULSE, LARGEST, WORK
 from .touch import CORNER, POINT, SHARE, SIDE
 from .touch import NORMAL as FACING
 from .touch import SOFT as SOFTNESS
@@ -235,7 +235,7 @@ def open_patches(patches, meetings, xw, guests):
 
 
 @njit(cache=True, error_model="numpy")
-def account_patches(books, patches, meeting, xw, guests, h, n_substeps):
+def account_patches(touch, books, patches, meeting, xw, guests, h, n_substeps):
     """Enter what the patches of a meeting did in a substep of h [s] into the books, and `moment` of guests, see
     `between.account_rows`."""
     met, centre = books.met[meeting], books.centre
@@ -251,6 +251,7 @@ def account_patches(books, patches, meeting, xw, guests, h, n_substeps):
             theirs = place_on_guest(ints, guests, c)
             f = row[FORCE + c]
             square += f * f
+            met[IMPULSE + c] += h * f if ints[BODY] == touch.pair[meeting, 0] else -h * f
             depth -= row[NORMAL + c] * (at[c] - theirs)
             mine, other = f * (at[c] - patches.began[r, 0, c]), -f * (theirs - patches.began[r, 1, c])
             books.work[ints[BODY]] += mine

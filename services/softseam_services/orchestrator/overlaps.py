@@ -1,0 +1,62 @@
+"""Bodies that have come to be where others are: because nothing keeps them apart, or through their contact.
+
+Boxes around bodies are enough for that: of two solid ones that are apart neither has its middle in the other's box, but
+for a small one in the corner of a large one's box. Of those that touch, which may be pressed out of shape, both have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from softseam_protocol.scene.scene import Scene
+
+Floats = NDArray[np.float64]
+
+
+class Overlaps:
+    """Watches the b bodies of a scene; reports once of every two that come to overlap, those of a look in one event.
+
+    say  receives kind and text of every event
+    """
+
+    def __init__(self, scene: Scene, say: Callable[[str, str], None]) -> None:
+        self._names, self._say = tuple(scene.bodies), say
+        place, b = {name: number for number, name in enumerate(self._names)}, len(self._names)
+        self._free = np.triu(np.full((b, b), scene.contacts != "none"), 1)
+        self._touch = np.zeros((b, b), dtype=np.bool_)
+        for each in scene.interfaces.values():
+            one, other = sorted(place[name] for name in each.between)
+            self._free[one, other], self._touch[one, other] = False, each.kind == "contact"
+        self.forget()
+
+    def forget(self) -> None:
+        """The last step is another's."""
+        self._left = self._free | self._touch
+
+    @property
+    def possible(self) -> bool:
+        """Whether any two may still come to overlap unsaid."""
+        return bool(self._left.any())
+
+    def look(self, step: int, bounds: Floats) -> None:
+        """A step was taken, after which bodies have these bounds, lower and upper (b, 2, 3) [m]."""
+        middle = bounds.mean(axis=1)
+        inside = ((middle[:, None] > bounds[None, :, 0]) & (middle[:, None] < bounds[None, :, 1])).all(axis=2)
+        for which, found, why in (
+            (self._free, inside | inside.T, _FREE),
+            (self._touch, inside & inside.T, _THROUGH),
+        ):
+            pairs = np.argwhere(self._left & which & found)
+            if not len(pairs):
+                continue
+            self._left[pairs[:, 0], pairs[:, 1]] = False
+            one, other = (self._names[number] for number in pairs[0].tolist())
+            first = f", the first of {len(pairs)} pairs," if len(pairs) > 1 else ""
+            self._say("overlap", f"step {step}: {one} and {other}{first} are where the other is: {why}")
+
+
+_FREE = "nothing keeps them apart; add contacts to the scene where that can be, keep them apart, or say contacts: none"
+_THROUGH = "they came through their contact; shorten the step, or let them meet more slowly or press less"
