@@ -69,9 +69,16 @@ class Members:
     notes: list[Note] = field(default_factory=list)
     """of those of whose step there is something to say"""
     met: list[Met] = field(default_factory=list)
-    """of each contact between bodies of the pile, in the order of the scene's interfaces"""
+    """of contacts between bodies of the pile, see `contacts`"""
     interface_work: Scalars = field(default_factory=lambda: np.zeros(0))
     """of other bodies of the pile on each (b,) [J]"""
+    fastest: Scalars = field(default_factory=lambda: np.zeros(0))
+    """speed of the fastest node of each as the step ends (b,) [m/s]"""
+    contacts: Ids = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    """numbers of the contacts that `met` is of, among all between bodies of the pile in the order of the scene's
+    interfaces, ascending (m,): those of which a body is awake"""
+    pressed: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
+    """force of the second body of each of these on the first as the step ends (m, 3) [N]"""
 
 
 @message

@@ -90,8 +90,9 @@ class Bodies:
             for name in pile.names:
                 del self._lone[name]
         mass, tools = {name: setup.body.total_mass for name, setup in setups.items()}, next(iter(setups.values())).tools
-        islands = islands_of(self.named, (interface.between for interface in scene.interfaces.values()))
-        self._sleeping = Sleeping(scene.sleep, islands, mass, tools, self._woke)
+        weight = {name: mass[name] * setup.body.gravity for name, setup in setups.items()}
+        self._sleeping = Sleeping(scene.sleep, tied, weight, mass, self.piles, tools, scene.step, self._woke)
+        self._awake: dict[str, SimulatedBody] | None = None  # those that do not sleep, where they are known
 
     def _simulated(self, name: str, bundle: Bundle, setup: Setup) -> SimulatedBody:
         first = self._program.grips.first
@@ -131,14 +132,16 @@ class Bodies:
         bodies = {name: self.named[name] for name in island}
         return JoinedBodies(self._scene, bodies, own, self._transport, self._clock, self._report)
 
-    def _woke(self, island: tuple[str, ...], reason: str) -> None:
-        self._report("sleep", f"step {self._clock.step}: {', '.join(island)}: {reason}")
+    def _woke(self, whose_and_why: str) -> None:
+        self._awake = None
+        self._report("sleep", f"step {self._clock.step}: {whose_and_why}")
 
     # ---- one step
 
     def reset(self) -> None:
         """Back to the start of the scene."""
         self._sleeping.reset()
+        self._awake = None
         for name, ladder in self._ladders.items():
             self._stand_on(name, ladder.begin())
         for each in self._piles.values():
@@ -188,8 +191,12 @@ class Bodies:
     @property
     def awake(self) -> dict[str, SimulatedBody]:
         """Those that do not sleep, by name."""
-        asleep = self._sleeping.outcomes()
-        return {name: body for name, body in self.named.items() if name not in asleep} if asleep else self.named
+        if not self._sleeping.any:
+            return self.named
+        if self._awake is None:
+            asleep = set(self._sleeping.names)
+            self._awake = {name: body for name, body in self.named.items() if name not in asleep}
+        return self._awake
 
     def advance(self, motion: ToolMotion, fields: bool, then: ToolMotion | None = None) -> Solutions:
         """Take a step, all or none, in the scene's order; see `advance_all`.
@@ -197,7 +204,7 @@ class Bodies:
         Raises StepFailed, ParticipantLost and ParticipantFailed.
         """
         self._sleeping.wake(motion)
-        asleep = self._sleeping.outcomes()
+        asleep = dict(self._sleeping.outcomes)
         if self._ladders:
             self._climb(asleep)
         lone: dict[str, Participants | Pile] = {**self._lone}
@@ -205,7 +212,9 @@ class Bodies:
         if asleep:
             lone = {name: island for name, island in lone.items() if name not in asleep}
             joined = [island for island in joined if island.members.keys().isdisjoint(asleep)]
-        lone |= {pile.part: pile for pile in self._piles.values() if pile.lay(asleep)}
+        for number, pile in enumerate(self._piles.values()):
+            if pile.lay(self._sleeping.of_pile(number)):
+                lone[pile.part] = pile
         taken = asleep | advance_all(lone, joined, self._transport, motion, fields, then)
         for pile in self.piles:
             pile.take(taken.get(pile.pile.part))
@@ -238,8 +247,10 @@ class Bodies:
             self._lone[name] = body.participants
 
     def fall_asleep(self, solutions: Solutions, motion: ToolMotion) -> None:
-        """Let islands sleep from now on that may, after a step that came to this."""
+        """Let bodies sleep from now on that may, after a step that came to this."""
         fell = self._sleeping.follow(solutions, motion)
+        if fell:
+            self._awake = None
         for island in self._joined:
             if tuple(island.members) in fell:
                 island.rest()
@@ -267,6 +278,8 @@ class Bodies:
             found |= under(f"bodies/{name}/", body.save())
         for island in self._joined:
             found |= under(f"joined/{island.name}/", island.save())
+        for pile in self.piles:
+            found |= under(f"piles/{pile.pile.part}/", pile.save())
         rungs = {name: np.array([ladder.at]) for name, ladder in self._ladders.items()}
         return found | under("sleeping/", self._sleeping.save()) | under("rung/", rungs)
 
@@ -276,6 +289,8 @@ class Bodies:
             body.check(named(saved, f"bodies/{name}/"))
         for island in self._joined:
             island.check(floats(named(saved, f"joined/{island.name}/")))
+        for pile in self.piles:
+            pile.check(floats(named(saved, f"piles/{pile.pile.part}/")))
         self._sleeping.read(named(saved, "sleeping/"))
 
     def load(self, saved: Arrays) -> None:
@@ -288,14 +303,11 @@ class Bodies:
         for pile in self.piles:
             pile.pile.restore(self._clock.step)
             pile.begin()
+            pile.load(floats(named(saved, f"piles/{pile.pile.part}/")))
         for island in self._joined:
             island.load(floats(named(saved, f"joined/{island.name}/")))
         self._sleeping.load(named(saved, "sleeping/"))
-        for name, outcome in self._sleeping.outcomes().items():
-            for pile in self.piles:
-                if name in pile.pile.names:
-                    (reply,) = outcome.replies.values()
-                    pile.stand(name, reply)
+        self._awake = None
 
     def _standing(self, saved: Arrays) -> dict[str, SimulatedBody]:
         """The bodies on the rungs that were saved."""

@@ -52,9 +52,13 @@ class Pile:
     ) -> None:
         self.names, self.part = tuple(names), within("pile", model)
         """of its bodies, in their order; id of the part that they are"""
-        self.contacts = tuple(contacts_among(names, scene.interfaces))
-        """names of the interfaces between its bodies"""
         self._place = {name: place for place, name in enumerate(names)}
+        contacts = contacts_among(names, scene.interfaces)
+        self.contacts = tuple(contacts)
+        """names of the interfaces between its bodies"""
+        places = [[self._place[name] for name in contact.between] for contact in contacts.values()]
+        self.pairs = np.array(places, dtype=np.int64).reshape(-1, 2)
+        """bodies of each (m, 2)"""
         self._alone = Parts(self.part, {self.part: model}, {self.part: _NONE}, {self.part: n_nodes}, _NONE)
         self._asked_through = _ByBody(transport, names)
         self._held = Participants(
@@ -105,9 +109,9 @@ class Pile:
 
     # ---- a step
 
-    def lay(self, asleep: Collection[str]) -> bool:
-        """Bodies of these names sleep through the next step; whether any of its own takes it."""
-        self.asleep[:] = [name in asleep for name in self.names] if asleep else 0
+    def lay(self, asleep: NDArray[np.bool_]) -> bool:
+        """Some of its bodies (b,) sleep through the next step; whether any takes it."""
+        self.asleep[:] = asleep
         return not self.asleep.all()
 
     @property

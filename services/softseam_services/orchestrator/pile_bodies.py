@@ -18,8 +18,9 @@ from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import Figure, Status
 from softseam_protocol.messages.participant import Advanced, Coupled, Fields
-from softseam_protocol.messages.pile import Members, Met
+from softseam_protocol.messages.pile import Members
 from softseam_protocol.messages.session import ErrorEstimate, Frame, InterfaceReport, PartReport
+from softseam_services.orchestrator.archive import Arrays
 from softseam_services.orchestrator.creep import Creep
 from softseam_services.orchestrator.energy_balance import Entry
 from softseam_services.orchestrator.pierced import idle_inside
@@ -27,6 +28,7 @@ from softseam_services.orchestrator.pile import Pile
 from softseam_services.orchestrator.pile_quantities import PileQuantities
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.simulated_body import SimulatedBody
+from softseam_services.orchestrator.standing import passed_down, with_more
 from softseam_services.orchestrator.step_losses import StepLosses
 from softseam_services.orchestrator.whereabouts import LOOK_EVERY, Seen, Whereabouts
 from softseam_services.tools.tool_set import ToolSet
@@ -34,7 +36,7 @@ from softseam_services.tools.tool_set import ToolSet
 Floats = NDArray[np.float64]
 
 _FREE = np.zeros((0, 3))
-_ARRAYS = [each.name for each in fields(Members) if each.name not in ("notes", "met")]
+_ARRAYS = [each.name for each in fields(Members) if each.name not in ("notes", "met", "contacts", "pressed")]
 _FIGURES = [each for each in Figure if each in _ARRAYS]
 _STILL = {"tool_work": 0, "interface_work": 0, "dissipated": 0, "iterations": 0, "n_substeps": 1}
 """of bodies that sleep through a step"""
@@ -55,6 +57,7 @@ class PileBodies:
         self._losses = StepLosses([body.setup for body in self._bodies])
         self._inelastic = any(body.balance.inelastic for body in self._bodies)
         self._parts: list[tuple[str, tuple[str, str, int, int]]] = []
+        self._weights = np.array([body.body.total_mass * body.body.gravity for body in self._bodies])
 
     def begin(self) -> None:
         """The bodies stand where they are put: at the scene's start, or where they were saved."""
@@ -63,11 +66,17 @@ class PileBodies:
         self._step = Members(
             *(none, none, none, none, none, flat, flat, none, none, none, ids, ids, ids),
             *(np.zeros((b, t, 6)), flat, flat),
-            met=[Met(0, 0.0, 0.0, 0.0) for _ in self.pile.contacts],
             interface_work=none,
+            fastest=none,
         )
+        self._met = [InterfaceReport(0.0, 0, 0, 0.0, 0.0) for _ in self.pile.contacts]
+        self.pressed = np.zeros((len(self._met), 3))
+        """force of the second body of each contact on the first (m, 3) [N]"""
+        self._visited = np.arange(len(self._met))  # contacts of which a body was awake in the last step
+        self._asleep = np.zeros(b, dtype=np.bool_)  # those that slept through it
+        self._swung = np.zeros((b, t, 6))  # of these, on the tools, as they fell asleep
         self._header = Header(SCHEMA_VERSION, "", self.pile.part, 0, 0, 0, 0.0)
-        self._seconds, self._awake = 0.0, np.arange(b)
+        self._seconds, self._awake, self._part_reports = 0.0, np.arange(b), dict[str, PartReport]()
         self._shown: Sequence[Fields] = ()
         self._alarmed: set[int] = set()
         self._load()
@@ -95,30 +104,84 @@ class PileBodies:
             body.losses.state = state[:, None].copy()
         self._quantities.store()
 
+    def save(self) -> Arrays:
+        """What contacts between them came to in the last step."""
+        rows = [(each.gap, each.n_nodes, each.force, each.work) for each in self._met]
+        return {"met": np.array(rows).reshape(-1, 4), "pressed": self.pressed, "asleep": self._asleep} | {
+            "swung": self._swung[self._asleep]
+        }
+
+    def check(self, saved: Mapping[str, Floats]) -> None:
+        """Raise KeyError or ValueError where these are of other contacts."""
+        found = saved["met"].shape, saved["pressed"].shape, saved["asleep"].shape
+        if found != ((len(self._met), 4), self.pressed.shape, self._asleep.shape):
+            raise ValueError(f"it is of {len(saved['asleep'])} bodies and {len(saved['met'])} contacts")
+        if saved["swung"].shape != (np.count_nonzero(saved["asleep"]), *self._swung.shape[1:]):
+            raise ValueError("it is of other tools")
+
+    def load(self, saved: Mapping[str, Floats]) -> None:
+        """Continue from `save`, after `begin`."""
+        rows = saved["met"].tolist()
+        self._met = [InterfaceReport(gap, 0, int(count), force, work) for gap, count, force, work in rows]
+        self.pressed[:], self._asleep[:] = saved["pressed"], saved["asleep"] != 0.0
+        self._swung[self._asleep] = saved["swung"]
+
     # ---- one step
 
     def take(self, outcome: Outcome | None) -> None:
         """A step was taken: by those that are awake, as their participant says; None where all sleep."""
         asleep = self.pile.asleep.astype(np.bool_)
-        self._awake = np.flatnonzero(~asleep)
+        self._before, self._awake = self._awake, np.flatnonzero(~asleep)
         reply = None if outcome is None else outcome.replies[self.pile.part]
         self._header = self._header if reply is None else reply.header
         self._seconds = 0.0 if reply is None else reply.seconds / max(1, len(self._awake))
         self._shown = () if reply is None or reply.fields is None else reply.fields.bodies
+        self._take_contacts(None if reply is None else reply.members)
         if reply is not None and len(self._awake) == len(self._bodies):
             assert reply.members is not None
             self._step = reply.members
+            self._asleep = asleep
             return
+        said = None if reply is None else reply.members
         step = replace(self._step, **{name: getattr(self._step, name).copy() for name in _ARRAYS}, notes=[])
         for name in _ARRAYS:
             array = getattr(step, name)
             array[asleep] = _STILL.get(name, array[asleep])
-            if reply is not None:
-                assert reply.members is not None
-                array[self._awake] = getattr(reply.members, name)
-        said = None if reply is None else reply.members
-        still = [replace(each, work=0.0) for each in self._step.met]
-        self._step = replace(step, met=still) if said is None else replace(step, notes=said.notes, met=said.met)
+            if said is not None:
+                array[self._awake] = getattr(said, name)
+        fell, changed = asleep & ~self._asleep, bool((asleep != self._asleep).any())
+        self._swung[fell], self._asleep = self._step.wrench[fell], asleep
+        if changed:
+            step.wrench[asleep] = self._stand_on_tools(np.flatnonzero(asleep))
+        self._step = step if said is None else replace(step, notes=said.notes)
+
+    def _stand_on_tools(self, asleep: NDArray[np.int64]) -> Floats:
+        """What bodies that sleep, of these numbers (s,), exert on the tools (s, t, 6), as they stand."""
+        swung, weights = self._swung[asleep], self._weights[asleep]
+        size = float(np.linalg.norm(self._weights[0]))
+        if size == 0.0:
+            return swung
+        up = -self._weights[0] / size
+        by_tools, carried = -swung[:, :, :3] @ up, self.pressed @ up
+        upwards = np.bincount(self.pile.pairs.ravel(), np.stack((carried, -carried), axis=1).ravel(), len(self._bodies))
+        lacks = -weights @ up - by_tools.sum(axis=1) - upwards[asleep]
+        own = np.full(len(self._bodies), -1)
+        own[asleep] = np.arange(len(asleep))
+        pairs = own[self.pile.pairs]
+        among, holds = (pairs >= 0).all(axis=1), np.maximum(by_tools, 0.0)
+        more = passed_down(lacks, pairs[among], np.abs(carried[among]), holds.sum(axis=1))
+        return with_more(swung, (more[:, None] * holds)[:, :, None] * -up)
+
+    def _take_contacts(self, said: Members | None) -> None:
+        """What those did of which a body is awake; the others stand, and do no work."""
+        visited = self._visited[:0] if said is None else said.contacts
+        for number in np.setdiff1d(self._visited, visited).tolist() if len(visited) < len(self._met) else ():
+            self._met[number] = replace(self._met[number], work=0.0)
+        if said is not None:
+            for number, each in zip(visited.tolist(), said.met, strict=True):
+                self._met[number] = InterfaceReport(each.depth, 0, each.n_points, each.force, each.work)
+            self.pressed[visited] = said.pressed
+        self._visited = visited
 
     def stand(self, name: str, reply: Advanced) -> None:
         """A body sleeps, as it stood when it fell asleep."""
@@ -132,8 +195,7 @@ class PileBodies:
     def outcome(self, name: str) -> Outcome:
         """What the step did to one body, as of a body by itself. Raises KeyError where the pile has no such body."""
         place, step = self.pile.place(name), self._step
-        shown = int(np.searchsorted(self._awake, place))
-        fields_of = self._shown[shown] if len(self._shown) else None
+        fields_of = self._shown[place] if len(self._shown) else None
         part, _ = self._parts[place]
         header = replace(self._header, part=part)
         reply = Advanced(
@@ -158,14 +220,10 @@ class PileBodies:
                 reply = replace(reply, alarms=note.alarms)
         return Outcome({part: reply}, _FREE, 0.0, 1, "")
 
-    def kinetic(self, name: str) -> float:
-        """Kinetic energy of a body [J]."""
-        return self._step.kinetic.item(self.pile.place(name))
-
-    def bounds(self, name: str) -> Floats:
-        """Of a body, lower and upper (2, 3) [m]."""
-        place = self.pile.place(name)
-        return np.stack((self._step.low[place], self._step.high[place]))
+    @property
+    def step(self) -> Members:
+        """What the last step did to all; to those asleep, the last that they took."""
+        return self._step
 
     @property
     def wrench(self) -> Floats:
@@ -175,8 +233,7 @@ class PileBodies:
     @property
     def interfaces(self) -> dict[str, InterfaceReport]:
         """Of the last step, by contact between its bodies; of those asleep, as it was when they fell asleep."""
-        met = zip(self.pile.contacts, self._step.met, strict=True)
-        return {name: InterfaceReport(each.depth, 0, each.n_points, each.force, each.work) for name, each in met}
+        return dict(zip(self.pile.contacts, self._met, strict=True))
 
     def measure(
         self, position: Floats, orientation: Floats, frames: Mapping[str, Frame], lifting: bool
@@ -232,11 +289,13 @@ class PileBodies:
         """Of the part that each body would be by itself."""
         step, seconds = self._step, np.zeros(len(self._bodies))
         seconds[self._awake] = self._seconds
-        rows = zip(
-            *(self._parts, energies.tolist(), step.iterations.tolist(), seconds.tolist(), step.n_substeps.tolist()),
-            strict=True,
-        )
-        return {part: PartReport(*about, *own, *rest) for (part, about), own, *rest in rows}
+        new = np.arange(len(seconds)) if not self._part_reports else np.union1d(self._before, self._awake)
+        arrays = energies, step.iterations, seconds, step.n_substeps
+        rows = zip(new.tolist(), *(array[new].tolist() for array in arrays), strict=True)
+        for place, own, *rest in rows:
+            part, about = self._parts[place]
+            self._part_reports[part] = PartReport(*about, *own, *rest)
+        return dict(self._part_reports)
 
     def notify(self, step_number: int, estimates: Mapping[str, ErrorEstimate]) -> None:
         """Report what of the step is worth an event."""

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from softseam_coupling.loops.loop import Outcome
 from softseam_services.orchestrator.pile_bodies import PileBodies
-
-Floats = NDArray[np.float64]
 
 
 class Solutions(dict[str, Outcome]):
@@ -26,16 +21,3 @@ class Solutions(dict[str, Outcome]):
 
     def __missing__(self, name: str) -> Outcome:
         return self._pile[name].outcome(name)
-
-    def kinetic(self, name: str) -> float:
-        """Kinetic energy of a body [J]."""
-        if name in self:
-            return sum(reply.kinetic for reply in self[name].replies.values())
-        return self._pile[name].kinetic(name)
-
-    def bounds(self, name: str) -> Floats:
-        """Of a body, lower and upper (2, 3) [m]."""
-        if name not in self:
-            return self._pile[name].bounds(name)
-        boxes = np.array([reply.bounds for reply in self[name].replies.values()])
-        return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])

@@ -15,7 +15,8 @@ from softseam_services.body.contact_faces import faces_of
 from softseam_services.body.errors import SettingError
 from softseam_services.jit import Rows
 
-from .kernels.between import N_INTS, N_MET, N_NUMBERS, Touch, find_groups, find_rows
+from .kernels.asleep import AWAKE, FELL, LIES
+from .kernels.between import N_INTS, N_MET, N_NUMBERS, PRESS, Touch, find_groups, find_rows
 from .pile_pieces import Piece, Pieces
 
 Mask = NDArray[np.bool_]
@@ -69,33 +70,41 @@ class Between:
             work=np.zeros(b),
             turned=np.zeros((b, 3)),
             met=np.zeros((m, N_MET)),
+            asleep=np.zeros(b, dtype=np.int32),
+            stands=np.zeros(m, dtype=np.bool_),
         )
         self.forces: tuple[Floats, Floats] = np.zeros((self._ends[-1], 3)), np.zeros((self._ends[-1], 3))
         """on points, see `Touch.place`, as the committed step left them, and as the tentative one does [N]"""
         self.centre = np.zeros((b, 3))
         self._own = [np.flatnonzero(pair.ravel() == number) for number in range(b)]
 
-    def find(self, members: Rows, asleep: Mask, now: int, dt: float) -> list[tuple[Numbers, Numbers]]:
-        """What touches in a step of dt [s]: of each group of bodies their numbers, and those of contacts between them.
+    def find(self, members: Rows, asleep: Mask, fell: Mask, now: int, dt: float) -> list[tuple[Numbers, Numbers]]:
+        """What touches in a step of dt [s]: of each group of bodies their numbers, and those of contacts that they
+        have with one another and with bodies that sleep.
 
-        now  which of `forces` the step begins with
+        asleep  bodies that sleep through it (b,); fell: those of them that did not through the step before
+        now     which of `forces` the step begins with
         """
         touch, b = self.touch, len(asleep)
         if not len(touch.pair):
             return []
-        find_rows(members, touch, asleep, self.forces[now], self.forces[1 - now], dt)
+        touch.asleep[:] = np.where(asleep, np.where(fell, FELL, LIES), AWAKE)
+        find_rows(members, touch, self.forces[now], self.forces[1 - now], dt)
         order, start = np.zeros(b, dtype=np.int64), np.zeros(b + 1, dtype=np.int64)
         n = find_groups(touch, order, start)
         met = np.flatnonzero(np.diff(touch.start))
         groups = [order[start[group] : start[group + 1]] for group in range(n)]
-        return [(bodies, met[np.isin(touch.pair[met, 0], bodies)]) for bodies in groups]
+        return [(bodies, met[np.isin(touch.pair[met], bodies).any(axis=1)]) for bodies in groups]
 
     @property
-    def met(self) -> list[Met]:
-        """What the contacts did in the last step."""
-        counts = np.diff(self.touch.start)
-        figures = np.where(counts[:, None] > 0, self.touch.met, 0.0).tolist()
-        return [Met(count, *each) for count, each in zip(counts.tolist(), figures, strict=True)]
+    def met(self) -> tuple[Ints, list[Met], Floats]:
+        """What contacts did in the last step of which a body was awake: their numbers, figures, and the force of the
+        second body on the first (v, 3) [N]."""
+        touch = self.touch
+        visited = np.flatnonzero(~touch.stands)
+        counts, figures = np.diff(touch.start)[visited], touch.met[visited]
+        numbers = zip(counts.tolist(), figures[:, :PRESS].tolist(), strict=True)
+        return visited.astype(np.int32), [Met(count, *each) for count, each in numbers], figures[:, PRESS:]
 
     def size_of(self, number: int) -> int:
         """Of `of_body`."""
@@ -113,6 +122,7 @@ class Between:
             own = self.forces[now][self._ends[k] : self._ends[k + 1]]
             own[:] = forces[at : at + own.size].reshape(own.shape) if len(forces) else 0.0
             at += own.size
+        self.touch.stands[:] = False
 
 
 def _ends(counts: Iterable[int]) -> Ints:

@@ -17,11 +17,14 @@ next.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from softseam_coupling.interfaces.contact import REACH
 from softseam_coupling.kernels.nearest_face import nearest_faces, point_normals
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import njit, record
+
+from .asleep import AWAKE, LIES, is_visited, row_inverse_mass
 
 POINT, CORNER, PLACE, OWN, OTHER = 0, 1, 4, 5, 6
 N_INTS = 7
@@ -32,10 +35,10 @@ N_NUMBERS = 21
 """of a row: s (3,), n (3,), alpha [m/N], c/h^2 [1/kg], mu, f and t_0 (3,) [N], where the point and the place on the
 face were as the substep began (3,) [m]"""
 
-DEPTH, LARGEST, WORK = 0, 1, 2
-N_MET = 3
-"""of a meeting in a step: how deep points are inside the other body at its end [m], the largest force on one [N], and
-work on both bodies [J]"""
+DEPTH, LARGEST, WORK, PRESS = 0, 1, 2, 3
+N_MET = 6
+"""of a meeting in a step: how deep points are inside the other body at its end [m], the largest force on one [N], work
+on both bodies [J], and force of the second body on the first at its end (3,) [N]"""
 
 
 @record
@@ -85,35 +88,42 @@ class Touch(NamedTuple):
     """angular momentum that they gave each body, about its centre (b, 3) [kg m^2/s]"""
     met: Floats
     """of each meeting, see `N_MET` (m, N_MET)"""
+    asleep: Ints
+    """see `asleep` (b,)"""
+    stands: NDArray[np.bool_]
+    """meetings whose forces are the same before and after the step, as both bodies sleep (m,)"""
 
 
 @njit(cache=True, error_model="numpy")
-def find_rows(members, touch, asleep, held, kept, dt):
-    """Rows of a step of dt [s] from where bodies are, but of meetings of which a body is asleep (b,).
+def find_rows(members, touch, held, kept, dt):
+    """Rows of a step of dt [s] from where bodies are, of meetings that are visited.
 
     held, kept  forces on points between bodies as the step begins (f, 3) [N], and as it ends: so far of those asleep
     """
     first, corners, first_triangle = touch.first, touch.corners, touch.first_triangle
     for body in range(len(first) - 1):
         begin, end = first[body], first[body + 1]
-        if begin == end or asleep[body]:
+        if begin == end or touch.asleep[body] == LIES:
             continue
         x, v = members[body].before.x, members[body].before.v
+        goes_on = dt if touch.asleep[body] == AWAKE else 0.0
         for i in range(begin, end):
             for c in range(3):
                 touch.at[i, c] = x[touch.node[i], c]
-                touch.to[i, c] = touch.at[i, c] + dt * v[touch.node[i], c]
+                touch.to[i, c] = touch.at[i, c] + goes_on * v[touch.node[i], c]
         _find_way(touch.at[begin:end], touch.to[begin:end], touch.way[body])
         own = corners[first_triangle[body] : first_triangle[body + 1]]
         point_normals(touch.to[begin:end], own, touch.out[begin:end])
     n = 0
     for meeting in range(len(touch.pair)):
         touch.start[meeting] = n
-        a, b = touch.pair[meeting, 0], touch.pair[meeting, 1]
-        still = asleep[a] or asleep[b]
-        stand(touch, meeting, held, kept, 1.0 if still else 0.0)
-        if still:
+        visited = is_visited(touch, meeting)
+        if visited or not touch.stands[meeting]:
+            stand(touch, meeting, held, kept, 0.0 if visited else 1.0)
+        touch.stands[meeting] = not visited
+        if not visited:
             continue
+        touch.met[meeting, :] = 0.0
         n = _find_of(members, touch, meeting, 0, n)
         n = _find_of(members, touch, meeting, 1, n)
     touch.start[len(touch.pair)] = n
@@ -178,13 +188,13 @@ def _find_of(members, touch, meeting, side, n):
         ints[OWN], ints[OTHER] = own, other
         ints[PLACE] = touch.place[meeting, side] + near[i]
         ints[POINT] = touch.row[own] + touch.node[point]
-        gives = members[own].parameters.inverse_mass[touch.node[point]]
+        gives = row_inverse_mass(members, touch, own, touch.node[point])
         corners = some[face[i]]
         _project(points[near[i]], faces[corners[0]], faces[corners[1]], faces[corners[2]], share[i])
         for k in range(3):
             node = touch.node[theirs + corners[k]]
             ints[CORNER + k] = touch.row[other] + node
-            gives += share[i, k] ** 2 * members[other].parameters.inverse_mass[node]
+            gives += share[i, k] ** 2 * row_inverse_mass(members, touch, other, node)
             row[SHARE + k], row[NORMAL + k] = share[i, k], normal[i, k]
         row[SOFT] = 2.0 * (touch.yields[own] + touch.yields[other]) / (covered * touch.area[point])
         row[GIVES], row[RUB] = gives, touch.friction[meeting]
@@ -230,7 +240,7 @@ def _bound(points, reach, low, high):
 
 @njit(cache=True, error_model="numpy")
 def find_groups(touch, order, start):
-    """Bodies that rows tie, which step together. Returns how many groups there are.
+    """Bodies that rows tie, which step together; one that sleeps is in none. Returns how many groups there are.
 
     order (b,) <- bodies of the first group, of the second ..., ascending in each; start (b + 1,) <- first of each there
     """
@@ -240,6 +250,7 @@ def find_groups(touch, order, start):
         if touch.start[meeting] == touch.start[meeting + 1]:
             continue
         a, b = touch.pair[meeting, 0], touch.pair[meeting, 1]
+        a, b = a if touch.asleep[a] == AWAKE else b, b if touch.asleep[b] == AWAKE else a
         tied[a] = tied[b] = True
         while parent[a] != a:
             a = parent[a]
@@ -393,7 +404,10 @@ def stand(touch, meeting, held, kept, share):
 
 @njit(cache=True, error_model="numpy")
 def keep_rows(touch, meeting, kept):
-    """kept (f, 3) [N] <- forces on points, as the rows of a meeting have them."""
+    """kept (f, 3) [N] <- forces on points, as the rows of a meeting have them; `met` <- what they press in all."""
+    met = touch.met[meeting]
     for r in range(touch.start[meeting], touch.start[meeting + 1]):
+        sign = 1.0 if touch.ints[r, OWN] == touch.pair[meeting, 0] else -1.0
         for c in range(3):
             kept[touch.ints[r, PLACE], c] = touch.rows[r, FORCE + c]
+            met[PRESS + c] += sign * touch.rows[r, FORCE + c]
