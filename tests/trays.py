@@ -11,7 +11,7 @@ from cubes import EDGE, cube, scene_of
 from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.scene import Scene
 
-MATERIAL = {"young": 1e5, "poisson": 0.3, "density": 1000.0, "retardation_time": 0.02}
+MATERIAL: dict[str, float] = {"young": 1e5, "poisson": 0.3, "density": 1000.0, "retardation_time": 0.02}
 MASS = 1000.0 * EDGE**3
 """of a cube [kg]"""
 GAP = 2e-4

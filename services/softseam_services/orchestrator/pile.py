@@ -150,10 +150,14 @@ class Pile:
             self._fields[key] = self._held.observe(indicators, own)[self.part].bodies
         return self._fields[key][self._place[name]]
 
+    def snapshot(self) -> bytes:
+        """Of all bodies, from which their participant can be restored."""
+        return self._held.snapshot()[self.part]
+
     def state(self, name: str) -> bytes:
         """The snapshot of a body."""
         if not self._states:
-            self._states = split_states(self._held.snapshot()[self.part])
+            self._states = split_states(self.snapshot())
         return self._states[self._place[name]]
 
     def put_back(self, name: str, state: bytes) -> None:
