@@ -22,8 +22,8 @@ CALM = 2e-3
 """speed below which every node of a body is calm [m/s]"""
 _CALM_STEPS = 8
 """that a body is calm before it sleeps"""
-_CHANGE = 0.01
-"""of its weight by which what presses on a sleeper changes before it wakes [1]"""
+STEADY = 0.01
+"""of its weight by which what presses on a body may change while it is calm, or sleeps [1]"""
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,14 @@ class Neighbourhood:
     weight: Floats
     """(b,) [N]"""
     calm_steps: Ints
-    """steps in a row in which each was slower than `CALM` (b,)"""
+    """steps in a row in which each was slower than `CALM`, and pressed as in the first of them to `STEADY` (b,)"""
     asleep: Mask
     """(b,)"""
     pairs: Ints
     """bodies that contact may bring together within a pile (m, 2)"""
     changed: Floats
-    """by how much what others press each sleeper with changed since it fell asleep, all contacts added up (b,) [N]"""
+    """by how much what others press each body with changed since it fell asleep, or is calm, all contacts added up
+    (b,) [N]"""
     tools: Sequence[str]
     """names of the tools"""
     position: Floats
@@ -99,7 +100,7 @@ def neighbour_comes(around: Neighbourhood) -> Reasons:
 
 def force_changed(around: Neighbourhood) -> Reasons:
     """Wake what others press otherwise than as it fell asleep, by more than a hundredth of its weight."""
-    moved = np.flatnonzero(around.asleep & (around.changed > _CHANGE * around.weight))
+    moved = np.flatnonzero(around.asleep & (around.changed > STEADY * around.weight))
     return {
         body: f"what presses {around.names[body]} changed by {around.changed[body]:.2g} N" for body in moved.tolist()
     }

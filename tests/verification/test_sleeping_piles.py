@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cubes import EDGE, cube, scene_of
-from trays import MASS, MATERIAL, awake, pressed
+from trays import MASS, MATERIAL, awake, pressed, tray
 
 import softseam
 from softseam_coupling.sleep import SLEEP, WAKE, Mask, Neighbourhood
@@ -148,3 +148,27 @@ def test_a_sleeper_is_an_obstacle() -> None:
             else:
                 a, t = 9.81 * (np.sin(slope) - friction * np.cos(slope)), duration
                 assert way[-1] + 0.004 == pytest.approx(0.5 * a * t * t, rel=0.03)
+
+
+def test_a_slow_press_wakes_what_is_below() -> None:
+    """At 1 mm/s nothing is fast: the lower of two wakes as the upper presses it by a hundredth of its weight more. The
+    ground's force is that of the run without sleep, to less than two hundredths of a weight in every step."""
+    plate = {"kind": "box", "size": [0.04, 0.04, 0.01], "position": [0, 0, 2.0 * EDGE + 0.01], "friction": 0.3}
+    moves = ({"tools": ["plate"], "move": [0, 0, -way], "speed": speed} for way, speed in ((0.004, 0.1), (0.002, 1e-3)))
+    motion = [{"hold": 0.4}, *moves]
+    found = []
+    for keys in ({"sleep": "calm"}, {}):
+        with softseam.open(tray((1, 1, 2), {"plate": plate}, motion=motion, duration=None, **keys)) as sim:
+            sim.reset(seed=0)
+            seen = []
+            while not sim.done:
+                seen.append(sim.step())
+        found.append(seen)
+    said = [event.message for one in found[0] for event in one.events if event.kind == "sleep"]
+    assert any("cube001: plate moves near cube001" in each for each in said)
+    assert any("what presses cube000 changed by" in each for each in said)
+    assert not any("moves beside" in each for each in said)
+    asleep = next(n for n, one in enumerate(found[0]) if not awake(one.report))
+    ground = np.array([[one.wrench["ground"][2] for one in each[asleep + 20 :]] for each in found])
+    assert np.abs(ground[0] - ground[1]).max() < 0.02 * WEIGHT
+    assert np.ptp(ground[1]) > WEIGHT

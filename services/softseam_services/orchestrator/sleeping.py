@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.loops.loop import Outcome
-from softseam_coupling.sleep import CALM, SLEEP, WAKE, Neighbourhood, Reasons
+from softseam_coupling.sleep import CALM, SLEEP, STEADY, WAKE, Neighbourhood, Reasons
 from softseam_protocol.errors import DecodeError
 from softseam_protocol.messages.outcomes import SPENT, Figure
 from softseam_protocol.messages.participant import Advanced, ToolMotion
@@ -37,7 +37,7 @@ class _Known:
     asleep: Mask
     """(b,)"""
     calm: NDArray[np.int64]
-    """steps in a row in which each was calm (b,)"""
+    """steps in a row in which each was calm, see `Neighbourhood` (b,)"""
     kinetic: Floats
     """(b,) [J]"""
     speed: Floats
@@ -46,9 +46,9 @@ class _Known:
     """lower corner of each one's box (b, 3) [m]"""
     high: Floats
     held: Floats
-    """of each contact, force of its second body on the first as either fell asleep (m, 2, 3) [N]"""
+    """of each contact, force of its second body on the first as either fell asleep, or became calm (m, 2, 3) [N]"""
     changed: Floats
-    """by how much forces on each sleeper changed since (b,) [N]"""
+    """by how much forces on each body changed since (b,) [N]"""
 
     @classmethod
     def nothing(cls, b: int, m: int) -> _Known:
@@ -151,7 +151,8 @@ class Sleeping:
             return
         self._seen = ()
         wakes = np.isin(self._island, list(woken)) & known.asleep
-        known.asleep[wakes], known.calm[wakes], known.changed[wakes] = False, 0, 0.0
+        known.asleep[wakes], known.calm[wakes] = False, 0
+        self._hold(wakes)
         said = []
         for number, reason in sorted(woken.items()):
             for name in self._islands[number]:
@@ -165,7 +166,9 @@ class Sleeping:
             return []
         known = self._known
         self._look(solutions)
-        known.calm[:] = np.where(known.asleep, known.calm, np.where(known.speed < CALM, known.calm + 1, 0))
+        calm = (known.speed < CALM) & (known.changed <= STEADY * self._weight)
+        known.calm[:] = np.where(known.asleep, known.calm, np.where(calm, known.calm + 1, 0))
+        self._hold(known.calm == 0)
         around = self._around(motion)
         may = np.asarray(self._rule(around)) & ~known.asleep
         if not may.any():
@@ -174,10 +177,7 @@ class Sleeping:
         stays = np.unique(self._island[~may])
         falls = ~np.isin(self._island, stays)
         known.asleep |= falls
-        pressed = self._pressed
-        for side in (0, 1):
-            fell = np.flatnonzero(falls[self._pairs[:, side]])
-            known.held[fell, side] = pressed[fell]
+        self._hold(falls)
         islands = [self._islands[number] for number in np.unique(self._island[falls]).tolist()]
         for place in self._apart:
             if falls[place]:
@@ -185,6 +185,14 @@ class Sleeping:
                 alone = len(self._islands[self._island[place]]) == 1
                 self._kept[self._names[place]] = _standing(outcome, self._weights[place]) if alone else outcome
         return islands
+
+    def _hold(self, of: Mask) -> None:
+        """From now on changes of what presses these bodies (b,) count."""
+        pressed, known = self._pressed, self._known
+        for side in (0, 1):
+            begins = np.flatnonzero(of[self._pairs[:, side]])
+            known.held[begins, side] = pressed[begins]
+        known.changed[of] = 0.0
 
     @property
     def _pressed(self) -> Floats:
@@ -207,9 +215,9 @@ class Sleeping:
                 known.speed[place] = max(reply.figure(Figure.FASTEST) for reply in replies)
         mean = np.sqrt(2.0 * known.kinetic / self._mass)
         np.maximum(known.speed, mean, out=known.speed)  # of models that do not say how fast their nodes are
-        if known.asleep.any() and len(self._pairs):
+        if len(self._pairs):
             away = self._pressed[:, None] - known.held
-            size = np.sqrt(np.einsum("msc,msc->ms", away, away)) * known.asleep[self._pairs]
+            size = np.sqrt(np.einsum("msc,msc->ms", away, away))
             known.changed[:] = np.bincount(self._pairs.ravel(), size.ravel(), len(self._names))
 
     def _around(self, motion: ToolMotion) -> Neighbourhood:
