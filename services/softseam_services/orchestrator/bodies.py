@@ -212,9 +212,9 @@ class Bodies:
         if asleep:
             lone = {name: island for name, island in lone.items() if name not in asleep}
             joined = [island for island in joined if island.members.keys().isdisjoint(asleep)]
-        for number, pile in enumerate(self._piles.values()):
-            if pile.lay(self._sleeping.of_pile(number)):
-                lone[pile.part] = pile
+        for number, held in enumerate(self._piles.values()):
+            if held.lay(self._sleeping.of_pile(number)):
+                lone[held.part] = held
         taken = asleep | advance_all(lone, joined, self._transport, motion, fields, then)
         for pile in self.piles:
             pile.take(taken.get(pile.pile.part))

@@ -72,7 +72,7 @@ class PileBodies:
         self._met = [InterfaceReport(0.0, 0, 0, 0.0, 0.0) for _ in self.pile.contacts]
         self.pressed = np.zeros((len(self._met), 3))
         """force of the second body of each contact on the first (m, 3) [N]"""
-        self._visited = np.arange(len(self._met))  # contacts of which a body was awake in the last step
+        self._visited: NDArray[np.integer] = np.arange(len(self._met))  # contacts of which a body was awake last
         self._asleep = np.zeros(b, dtype=np.bool_)  # those that slept through it
         self._swung = np.zeros((b, t, 6))  # of these, on the tools, as they fell asleep
         self._header = Header(SCHEMA_VERSION, "", self.pile.part, 0, 0, 0, 0.0)
@@ -174,7 +174,7 @@ class PileBodies:
 
     def _take_contacts(self, said: Members | None) -> None:
         """What those did of which a body is awake; the others stand, and do no work."""
-        visited = self._visited[:0] if said is None else said.contacts
+        visited: NDArray[np.integer] = self._visited[:0] if said is None else said.contacts
         for number in np.setdiff1d(self._visited, visited).tolist() if len(visited) < len(self._met) else ():
             self._met[number] = replace(self._met[number], work=0.0)
         if said is not None:

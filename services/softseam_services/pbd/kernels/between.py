@@ -117,15 +117,9 @@ def find_rows(members, touch, held, kept, dt):
     n = 0
     for meeting in range(len(touch.pair)):
         touch.start[meeting] = n
-        visited = is_visited(touch, meeting)
-        if visited or not touch.stands[meeting]:
-            stand(touch, meeting, held, kept, 0.0 if visited else 1.0)
-        touch.stands[meeting] = not visited
-        if not visited:
-            continue
-        touch.met[meeting, :] = 0.0
-        n = _find_of(members, touch, meeting, 0, n)
-        n = _find_of(members, touch, meeting, 1, n)
+        if is_visited(touch, meeting, held, kept):
+            n = _find_of(members, touch, meeting, 0, n)
+            n = _find_of(members, touch, meeting, 1, n)
     touch.start[len(touch.pair)] = n
 
 
@@ -390,16 +384,6 @@ def account_rows(touch, meeting, xw, centre, h):
             at_j, at_k = xw[ints[POINT], j] - centre[other, j], xw[ints[POINT], k] - centre[other, k]
             touch.turned[other, c] -= h * (at_j * fk - at_k * fj)
         met[DEPTH], met[LARGEST] = max(met[DEPTH], depth), max(met[LARGEST], np.sqrt(square))
-
-
-@njit(cache=True, error_model="numpy")
-def stand(touch, meeting, held, kept, share):
-    """kept (f, 3) [N] <- share of the forces on the points of a meeting that were held."""
-    for side in range(2):
-        begin, own = touch.place[meeting, side], touch.pair[meeting, side]
-        for i in range(begin, begin + touch.first[own + 1] - touch.first[own]):
-            for c in range(3):
-                kept[i, c] = share * held[i, c]
 
 
 @njit(cache=True, error_model="numpy")

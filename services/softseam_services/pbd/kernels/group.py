@@ -9,7 +9,8 @@ import numpy as np
 
 from softseam_services.jit import njit
 
-from .between import account_rows, begin_rows, keep_rows, open_rows, project_rows, pull_rows, stand
+from .asleep import stand
+from .between import account_rows, begin_rows, keep_rows, open_rows, project_rows, pull_rows
 from .contact import account_pairs, project_contacts
 from .damping import damping_share
 from .hold import soften_held_blocks
