@@ -53,9 +53,10 @@ def test_a_tray_sleeps_the_same_over_the_bus(services: Services, bus: Bus, numbe
     """Nine cubes that fall asleep, of which one is pressed and wakes its neighbours: its process is killed while some
     sleep, and reports and last frames are those of one process, bit for bit."""
     bundle = bundle_scene(pressed(sleep="calm"))
-    simulation, wanted = Simulation(bundle, EmbeddedTransport()), []
-    while not simulation.done:
-        wanted.append(simulation.step())
+    simulation = Simulation(bundle, EmbeddedTransport())
+    steps = simulation.expected_steps
+    assert steps is not None
+    wanted = [simulation.step(fields=n == steps - 1) for n in range(steps)]
     frames = simulation.frames()
     simulation.close()
     some = [n for n, one in enumerate(wanted) if 0 < len(awake(one)) < 9]
@@ -64,11 +65,11 @@ def test_a_tray_sleeps_the_same_over_the_bus(services: Services, bus: Bus, numbe
     events = []
     try:
         backend.reset(0)
-        for step in range(len(wanted)):
+        for step in range(steps):
             if step in dies:
                 services.wait_well()
                 os.kill(services.children.pid("pbd"), number)
-            observation = backend.step(1, None, step == len(wanted) - 1)
+            observation = backend.step(1, None, step == steps - 1)
             reports.append(observation.report)
             events += observation.events
     finally:
