@@ -78,7 +78,7 @@ MAGIC = b"softseam pbd 6\n"
 def encode_state(state: PbdState, probed: Floats) -> bytes:
     """Magic line, counts of float64 in the state and in `probed` as 8 bytes little-endian each, the values likewise."""
     counts = len(state.buffer).to_bytes(8, "little") + len(probed).to_bytes(8, "little")
-    return MAGIC + counts + np.concatenate([state.buffer, probed]).astype("<f8", copy=False).tobytes()
+    return b"".join([MAGIC, counts, *(each.astype("<f8", copy=False).data for each in (state.buffer, probed))])
 
 
 def decode_state(data: bytes, state: PbdState, most_probed: int) -> Floats:
