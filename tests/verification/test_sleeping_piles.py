@@ -172,3 +172,32 @@ def test_a_slow_press_wakes_what_is_below() -> None:
     ground = np.array([[one.wrench["ground"][2] for one in each[asleep + 20 :]] for each in found])
     assert np.abs(ground[0] - ground[1]).max() < 0.02 * WEIGHT
     assert np.ptp(ground[1]) > WEIGHT
+
+
+@pytest.mark.parametrize("velocity", [(1.0, 0.0, 0.0), (0.0, 0.0, 0.3)])
+def test_what_is_hit_wakes_before_it_is_hit(velocity: tuple[float, float, float]) -> None:
+    """A cube that slides into one that sleeps, and one that falls on it: energy never rises, and both are within 20 um
+    of where they are without sleep, until 8 steps after (then one rocks on the other, which is no measure)."""
+    at = [-0.25, 0.01, 1e-4] if velocity[2] == 0.0 else [0.005, 0.01, 0.1]
+    bodies = {
+        "rests": cube(0, 1, position=[0, 0, 1e-5], material=MATERIAL),
+        "comes": cube(0, 1, position=at, velocity=list(velocity), material=MATERIAL),
+    }
+    tools = {"ground": {"kind": "plane", "friction": 0.1}}
+    touch = {"touch": {"kind": "contact", "between": ["comes", "rests"], "friction": 0.3}}
+    found = []
+    for keys in ({"sleep": "calm"}, {}):
+        with softseam.open(scene_of(bodies, interfaces=touch, tools=tools, duration=0.45, **keys)) as sim:
+            sim.reset(seed=0)
+            seen = []
+            while not sim.done:
+                seen.append(sim.step())
+        found.append(seen)
+    slept = [n for n, one in enumerate(found[0]) if awake(one.report) == {"comes"}]
+    hit = next(n for n, one in enumerate(found[1]) if one.report.interfaces["touch"].force > 0.0)
+    assert len([n for n in slept if n < hit]) > 10 and len(awake(found[0][hit].report)) == 2
+    for one, other in zip(*(each[: hit + 8] for each in found), strict=True):
+        for name, body in one.bodies.items():
+            assert np.abs(body.positions - other.bodies[name].positions).max() < 2e-5
+    energy = np.array([sum(one.energies[key] for key in ("kinetic", "strain", "gravity")) for one in found[0]])
+    assert np.diff(energy).max() < 1e-9

@@ -29,6 +29,9 @@ Saved = Mapping[str, NDArray[np.generic]]
 _QUIET: dict[str, Any] = {"tool_work": 0.0, "seconds": 0.0, "fields": None, "alarms": {}, "then": None}
 """of a reply in steps that the part sleeps through"""
 
+_SAID = 8
+"""of islands that wake in a step, of how many an event says why"""
+
 
 @dataclass(slots=True)
 class _Known:
@@ -158,7 +161,8 @@ class Sleeping:
             for name in self._islands[number]:
                 self._kept.pop(name, None)
             said.append(f"{', '.join(self._islands[number])}: {reason}")
-        self._woke("; ".join(said))
+        more = [f"and {len(said) - _SAID} more"] if len(said) > _SAID else []
+        self._woke("; ".join(said[:_SAID] + more))
 
     def follow(self, solutions: Solutions, motion: ToolMotion) -> list[tuple[str, ...]]:
         """A step was taken: the islands that sleep from now on."""
