@@ -56,6 +56,24 @@ def pressed(**keys: Any) -> Scene:
     return tray((3, 3, 1), {"plate": plate}, motion=motion, duration=None, **keys)
 
 
+def gripped(counts: tuple[int, int, int], rest: float = 0.5, young: float = 1e5, **keys: Any) -> Scene:
+    """Cubes with room beside them along x, of which plates grip the middle one of the upper layer, and lift it past its
+    neighbours, once all had so long to rest [s]."""
+    room, material = 6e-3, MATERIAL | {"young": young}
+    middle = [(EDGE + gap) * (count // 2) for count, gap in zip(counts, (room, GAP), strict=False)]
+    sunk = 9.81 * material["density"] * (counts[2] * EDGE) ** 2 / (2.0 * young)
+    height = (counts[2] - 1) * (EDGE + GAP) + 0.5 * EDGE - sunk + 0.012
+    plate = {"kind": "box", "size": [0.004, 0.04, 0.06], "friction": 0.8}
+    plates = {
+        name: plate | {"position": [middle[0] + side * (0.5 * EDGE + 0.5 * room), middle[1], height]}
+        for name, side in (("left", -1.0), ("right", 1.0))
+    }
+    both = {"tools": list(plates)}
+    lift = [both | {"close": 0.05, "until": {"compression": 0.05}}, both | {"move": [0, 0, 0.03], "speed": 0.1}]
+    motion = [{"hold": rest}, *lift, {"hold": 0.3}]
+    return tray(counts, plates, (room, GAP, GAP), material, motion=motion, duration=None, **keys)
+
+
 def awake(report: StepReport) -> set[str]:
     """Names of the bodies that took the step."""
     return {part.body for part in report.parts.values() if part.iterations}

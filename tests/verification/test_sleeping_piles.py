@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cubes import EDGE, cube, scene_of
-from trays import MASS, MATERIAL, awake, pressed, tray
+from trays import MASS, MATERIAL, awake, gripped, pressed, tray
 
 import softseam
 from softseam_coupling.sleep import SLEEP, WAKE, Mask, Neighbourhood
@@ -201,3 +201,26 @@ def test_what_is_hit_wakes_before_it_is_hit(velocity: tuple[float, float, float]
             assert np.abs(body.positions - other.bodies[name].positions).max() < 2e-5
     energy = np.array([sum(one.energies[key] for key in ("kinetic", "strain", "gravity")) for one in found[0]])
     assert np.diff(energy).max() < 1e-9
+
+
+def test_what_grips_feels_as_without_sleep() -> None:
+    """One of fifteen that stand close is gripped and lifted past two others: forces of the plates, along the grip and
+    upwards, and of the ground are those of the run without sleep within 1 % of their largest, in every step."""
+    found = []
+    for keys in ({"sleep": "calm"}, {}):
+        with softseam.open(gripped((3, 5, 1), **keys)) as sim:
+            sim.reset(seed=0)
+            seen = []
+            while not sim.done:
+                seen.append(sim.step())
+        found.append(seen)
+    counts = [len(awake(one.report)) for one in found[0]]
+    assert min(counts) == 0 and 0 < max(counts[100:]) < 15
+    for of in (
+        lambda wrench: wrench["left"][0],
+        lambda wrench: wrench["left"][2] + wrench["right"][2],
+        lambda wrench: wrench["ground"][2],
+    ):
+        force = np.array([[of(one.wrench) for one in each[100:]] for each in found])
+        assert np.abs(force[0] - force[1]).max() < 0.01 * np.abs(force[1]).max()
+    assert found[0][-1].bodies["cube120"].positions[:, 2].min() > 0.025

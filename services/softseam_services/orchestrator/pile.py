@@ -164,6 +164,10 @@ class Pile:
         """A body is to continue from this snapshot, with all the others, see `restore`."""
         self._to_restore[self._place[name]] = state
 
+    def holds(self, name: str) -> bool:
+        """Whether a body is one of them."""
+        return name in self._place
+
     def place(self, name: str) -> int:
         """Of a body among all."""
         return self._place[name]

@@ -306,10 +306,11 @@ class PileBodies:
                 place = int(self._awake[note.body])
                 part, about = self._parts[place]
                 self._bodies[place].report("solver", f"step {step_number}, {part} ({about[1]}): {note.why}")
-        for place, (name, body) in enumerate(zip(self.pile.names, self._bodies, strict=True)):
+        for place in range(len(self._bodies)) if estimates or step_number == 0 else sorted(odd):
+            name, raised = self.pile.names[place], self._raised.get(place, ())
             if place in odd or name in estimates or step_number == 0:
-                raised = self._raised.get(place, ())
-                body.warnings.follow(step_number, self.outcome(name).replies, raised, estimates.get(name))
+                replies = self.outcome(name).replies
+                self._bodies[place].warnings.follow(step_number, replies, raised, estimates.get(name))
         self._alarmed = alarmed
 
     def watch(self, step_number: int, position: Floats, orientation: Floats) -> None:

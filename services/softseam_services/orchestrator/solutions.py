@@ -17,7 +17,10 @@ class Solutions(dict[str, Outcome]):
 
     def __init__(self, known: Mapping[str, Outcome], piles: Sequence[PileBodies] = ()) -> None:
         super().__init__(known)
-        self._pile = {name: each for each in piles for name in each.pile.names} if piles else {}
+        self._piles = piles
 
     def __missing__(self, name: str) -> Outcome:
-        return self._pile[name].outcome(name)
+        for each in self._piles:
+            if each.pile.holds(name):
+                return each.outcome(name)
+        raise KeyError(name)
