@@ -215,10 +215,19 @@ class Bodies:
         for number, held in enumerate(self._piles.values()):
             if held.lay(self._sleeping.of_pile(number)):
                 lone[held.part] = held
-        taken = asleep | advance_all(lone, joined, self._transport, motion, fields, then)
+        again = partial(self._again, motion) if self._sleeping.any else None
+        taken = asleep | advance_all(lone, joined, self._transport, motion, fields, then, again)
         for pile in self.piles:
             pile.take(taken.get(pile.pile.part))
         return Solutions({name: taken[name] for name in self.named if name in taken}, self.piles)
+
+    def _again(self, motion: ToolMotion, outcomes: Mapping[str, Outcome]) -> list[str]:
+        """Piles, by their parts, that are to take the step anew: some of their bodies wake by what they felt in it."""
+        parts = self._sleeping.feel(outcomes, motion)
+        for number, pile in enumerate(self._piles.values()):
+            if pile.part in parts:
+                pile.lay(self._sleeping.of_pile(number))
+        return parts
 
     def _climb(self, asleep: Mapping[str, Outcome]) -> None:
         """Let bodies that are awake go to the rungs that they are to be on in the step that begins."""

@@ -145,13 +145,34 @@ class Sleeping:
             if seen == self._seen:
                 return
         self._seen = seen
-        reasons = _reasons(around)
+        self._wake(_reasons(around))
+
+    def feel(self, outcomes: Mapping[str, Outcome], motion: ToolMotion) -> list[str]:
+        """A step came to this, and is not committed yet: wake whoever has a reason in what others press it with; the
+        parts of the piles in which one does."""
+        if not len(self._pairs):
+            return []
+        pressed = self._pressed
+        begin = 0
+        for pile in self._piles:
+            outcome, n = outcomes.get(pile.pile.part), len(pile.pressed)
+            said = None if outcome is None else outcome.replies[pile.pile.part].members
+            if said is not None:
+                pressed[begin + said.contacts] = said.pressed
+            begin += n
+        woken = self._wake(_reasons(replace(self._around(motion), changed=self._changes(pressed))))
+        piles = zip(self._rows, self._piles, strict=True)
+        return [pile.pile.part for rows, pile in piles if woken[rows].any()]
+
+    def _wake(self, reasons: Reasons) -> Mask:
+        """Wake whoever sleeps and has a reason, and those of its island; who woke (b,)."""
+        known = self._known
         woken: dict[int, str] = {}
         for place, reason in reasons.items():
             if known.asleep[place]:
                 woken.setdefault(int(self._island[place]), reason)
         if not woken:
-            return
+            return np.zeros_like(known.asleep)
         self._seen = ()
         wakes = np.isin(self._island, list(woken)) & known.asleep
         known.asleep[wakes], known.calm[wakes] = False, 0
@@ -163,6 +184,7 @@ class Sleeping:
             said.append(f"{', '.join(self._islands[number])}: {reason}")
         more = [f"and {len(said) - _SAID} more"] if len(said) > _SAID else []
         self._woke("; ".join(said[:_SAID] + more))
+        return np.asarray(wakes)
 
     def follow(self, solutions: Solutions, motion: ToolMotion) -> list[tuple[str, ...]]:
         """A step was taken: the islands that sleep from now on."""
@@ -219,10 +241,13 @@ class Sleeping:
                 known.speed[place] = max(reply.figure(Figure.FASTEST) for reply in replies)
         mean = np.sqrt(2.0 * known.kinetic / self._mass)
         np.maximum(known.speed, mean, out=known.speed)  # of models that do not say how fast their nodes are
-        if len(self._pairs):
-            away = self._pressed[:, None] - known.held
-            size = np.sqrt(np.einsum("msc,msc->ms", away, away))
-            known.changed[:] = np.bincount(self._pairs.ravel(), size.ravel(), len(self._names))
+        known.changed[:] = self._changes(self._pressed)
+
+    def _changes(self, pressed: Floats) -> Floats:
+        """By how much what presses each body (b,) [N] is another than it held, if contacts press so (m, 3) [N]."""
+        away = pressed[:, None] - self._known.held
+        size = np.sqrt(np.einsum("msc,msc->ms", away, away))
+        return np.bincount(self._pairs.ravel(), size.ravel(), len(self._names)).astype(np.float64, copy=False)
 
     def _around(self, motion: ToolMotion) -> Neighbourhood:
         known = self._known
