@@ -1,73 +1,8 @@
-"""Islands: what interfaces join, directly or by others, and nothing else; when they sleep, and what wakes them.
+"""Islands: what interfaces join, directly or by others, and nothing else: bodies that step in one loop."""
 
-An island sleeps while the rule that its scene names lets it and nothing gives a reason to wake. What sleeps stays where
-it is, with the forces that hold it there, and is asked for nothing.
-"""
+from collections.abc import Iterable
 
-import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
-
-from softseam_protocol.table import Table
-
-__all__ = ["SLEEP", "WAKE", "Island", "islands_of"]
-
-Floats = NDArray[np.float64]
-
-CALM = 1e-3
-"""root mean square speed below which an island is calm [m/s]"""
-_CALM_STEPS = 8
-"""that an island is calm before it sleeps"""
-
-
-@dataclass(frozen=True)
-class Island:
-    """What rules of sleep look at."""
-
-    kinetic: float
-    """kinetic energy of all its bodies [J]"""
-    mass: float
-    """[kg]"""
-    calm_steps: int
-    """steps in a row that it was slower than `CALM`"""
-    bounds: Mapping[str, Floats]
-    """lower and upper corner of each body's box, by name (2, 3) [m]"""
-    tools: Mapping[str, Floats]
-    """where each tool will be as the step at hand ends, by name (3,) [m]"""
-    reach: Mapping[str, float]
-    """radius of a ball about each tool that holds it, infinite for a plane [m]"""
-    moving: frozenset[str]
-    """tools that move in the step at hand"""
-
-    @property
-    def speed(self) -> float:
-        """Root mean square [m/s]."""
-        return math.sqrt(2.0 * self.kinetic / self.mass)
-
-
-def calm(island: Island) -> bool:
-    """Let what was calm for some steps sleep."""
-    return island.calm_steps >= _CALM_STEPS
-
-
-def tool_comes(island: Island) -> str:
-    """Wake what a moving tool will be near as the step ends: the ball that holds it meets a body's box."""
-    for tool in island.moving:
-        for body, (low, high) in island.bounds.items():
-            position = island.tools[tool]
-            away = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))
-            if away < island.reach[tool]:
-                return f"{tool} moves near {body}"
-    return ""
-
-
-SLEEP: Table[Callable[[Island], bool]] = Table("rules of sleep", {"calm": calm})
-"""whether an island may sleep; a scene names one"""
-WAKE: Table[Callable[[Island], str]] = Table("reasons to wake", {"tool_comes": tool_comes})
-"""why an island wakes, or does not fall asleep; '' where it may sleep on"""
+__all__ = ["islands_of"]
 
 
 def islands_of(names: Iterable[str], joined: Iterable[tuple[str, str]]) -> list[tuple[str, ...]]:

@@ -10,6 +10,11 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 
+def fastest(v: Floats) -> float:
+    """Speed of the fastest node of velocities v (n, 3) [m/s]."""
+    return float(np.sqrt(np.einsum("nc,nc->n", v, v).max(initial=0.0)))
+
+
 @dataclass(frozen=True, slots=True)
 class Totals:
     """Of nodes at places x (n, 3) [m] with velocities v (n, 3) [m/s] and masses (n,) [kg]."""

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import softseam
-from softseam_coupling.islands import SLEEP, WAKE, Island
+from softseam_coupling.sleep import SLEEP, WAKE, Mask, Neighbourhood, Reasons
 from softseam_protocol.messages.participant import Advance, Configure, Reply, Request
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
@@ -25,19 +25,19 @@ NEAR, REST = 0.02, 1e-24
 """how far from a block's box a ball's surface wakes it [m]; least kinetic energy that is more than rounding [J]"""
 
 
-def may_sleep(island: Island) -> bool:
-    """A rule: all bodies of the island are at rest."""
-    return island.kinetic <= REST
+def may_sleep(around: Neighbourhood) -> Mask:
+    """A rule: bodies that are at rest."""
+    return np.asarray(around.kinetic <= REST)
 
 
-def near(island: Island) -> str:
-    """A reason: a ball is near one of its bodies."""
-    for tool, position in island.tools.items():
-        for body, (low, high) in island.bounds.items():
-            away = np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0))
-            if away < RADIUS + NEAR:
-                return f"{tool} is {1e3 * (away - RADIUS):.0f} mm from {body}"
-    return ""
+def near(around: Neighbourhood) -> Reasons:
+    """A reason: a ball is near a body."""
+    (position,), (tool,) = around.position, around.tools
+    away = np.linalg.norm(np.maximum(np.maximum(around.low - position, position - around.high), 0.0), axis=1)
+    return {
+        body: f"{tool} is {1e3 * (away[body] - RADIUS):.0f} mm from {around.names[body]}"
+        for body in np.flatnonzero(away < RADIUS + NEAR).tolist()
+    }
 
 
 ROWS = ((SLEEP, "at_rest", may_sleep), (WAKE, "ball_is_near", near))

@@ -144,6 +144,8 @@ class Figure(StrEnum):
     """surface points that touch a tool"""
     DISSIPATED = "dissipated"
     """what a material with internal state dissipated in the step [J]"""
+    FASTEST = "fastest"
+    """speed of the fastest node as the step ends [m/s]"""
     GIVEN = "given"
     """energy that the step gave back to a body that turns, beside `Advanced.tool_work` [J]"""
     HELD = "held"

@@ -109,6 +109,8 @@ class Members:
     meetings: Meetings = field(default_factory=no_meetings)
     on_guests: list[Push] = field(default_factory=list)
     """by all that touch each guest, in the order of `Configure.guests`"""
+    fastest: Scalars = field(default_factory=lambda: np.zeros(0))
+    """speed of the fastest node of each as the step ends (b,) [m/s]"""
 
 
 @message

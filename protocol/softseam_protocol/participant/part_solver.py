@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.header import Header
-from softseam_protocol.messages.outcomes import Status
+from softseam_protocol.messages.outcomes import Figure, Status
 from softseam_protocol.messages.participant import (
     Advance,
     Advanced,
@@ -212,6 +212,7 @@ class PartSolver:
             coupling=Coupled(
                 x=end.x[part.coupling], work=float((force * (end.x - self.committed.x)[part.coupling]).sum())
             ),
+            extras={Figure.FASTEST: float(np.sqrt((end.v * end.v).sum(axis=1).max(initial=0.0)))},
         )
         reported = replace(reported, **end.advanced)
         finite(reported)

@@ -93,7 +93,7 @@ def _digest(data: bytes, kind: bytes) -> bytes:
 
 def join_states(states: Iterable[bytes]) -> bytes:
     """One snapshot of a pile, of those of its bodies."""
-    return b"".join(len(state).to_bytes(_LENGTH, "little") + state for state in states)
+    return b"".join(piece for state in states for piece in (len(state).to_bytes(_LENGTH, "little"), state))
 
 
 def split_states(state: bytes) -> list[bytes]:

@@ -102,8 +102,8 @@ class Scene(Spec):
     sleep: str | None = Field(
         default=None,
         exclude_if=lambda rule: rule is None,
-        description="rule by which bodies at rest are not simulated until a tool comes near: `calm`, once slower than "
-        "1 mm/s for 8 steps; default: none sleep",
+        description="rule by which bodies at rest are not simulated until a tool or neighbour comes or presses: "
+        "`calm`, once no node of theirs was faster than 2 mm/s for 8 steps; default: none sleep",
     )
     symmetry: tuple[Literal["x", "y", "z"], ...] = Field(
         default=(),

@@ -17,7 +17,7 @@ from softseam_services.request_check import problem_of, problem_of_correction, p
 from softseam_services.tools.edged import with_round_edges
 from softseam_services.tools.tool_set import ToolSet
 from softseam_services.tools.travel import parts_needed
-from softseam_services.totals import Totals
+from softseam_services.totals import Totals, fastest
 
 from .face_forces import taken_over
 from .failures import STATUS
@@ -265,6 +265,7 @@ class FemSolver:
                 Figure.PASSING: self.times * float(self._next.passed[0] - self._committed.passed[0]),
                 Figure.GIVEN: self._stepper.given,
                 Figure.DISSIPATED: float(self._next.dissipated[0] - self._committed.dissipated[0]),
+                Figure.FASTEST: fastest(self._next.v),
             },
             why=why,
             alarms={Detail.INSIDE_OUT: alarm} if alarm else {},

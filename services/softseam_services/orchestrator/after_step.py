@@ -106,8 +106,12 @@ class AfterStep:
                 body.balance.switched(energies)
                 switched = True
         if self._clock.step % CHECKPOINT_STEPS == 0:
-            for body in awake.values():
-                self.try_to(body.participants.snapshot)
+            for name, body in self._bodies.apart.items():
+                if name in awake:
+                    self.try_to(body.participants.snapshot)
+            for pile in self._bodies.piles:
+                if not pile.pile.asleep.all():
+                    self.try_to(pile.pile.snapshot)
             self._bodies.forget_sent()
         return switched
 

@@ -99,8 +99,12 @@ class Bodies:
                 del self._lone[name]
         mass, tools = {name: setup.body.total_mass for name, setup in setups.items()}, next(iter(setups.values())).tools
         self.overlaps = Overlaps(scene, report)
-        islands = islands_of(self.named, (interface.between for interface in interfaces.values()))
-        self._sleeping = Sleeping(scene.sleep, islands, mass, tools, self._woke)
+        weight = {name: mass[name] * setup.body.gravity for name, setup in setups.items()}
+        hosts = [pile for pile in self._piles.values() if pile.guests]
+        never = [name for pile in hosts for name in (*pile.names, *pile.guests)]
+        about = scene.sleep, tied, weight, mass, self.piles, tools, scene.step, self._woke, never
+        self._sleeping = Sleeping(*about)
+        self._awake: dict[str, SimulatedBody] | None = None  # those that do not sleep, where they are known
 
     def _simulated(self, name: str, bundle: Bundle, setup: Setup) -> SimulatedBody:
         first = self._program.grips.first
@@ -145,14 +149,16 @@ class Bodies:
         joints = {name: self._touched[name] for name in guests}
         return Hosting(self._scene, pile, guests, joints, self._transport, self._clock, self._report)
 
-    def _woke(self, island: tuple[str, ...], reason: str) -> None:
-        self._report("sleep", f"step {self._clock.step}: {', '.join(island)}: {reason}")
+    def _woke(self, whose_and_why: str) -> None:
+        self._awake = None
+        self._report("sleep", f"step {self._clock.step}: {whose_and_why}")
 
     # ---- one step
 
     def reset(self) -> None:
         """Back to the start of the scene."""
         self._sleeping.reset()
+        self._awake = None
         for name, ladder in self._ladders.items():
             self._stand_on(name, ladder.begin())
         for each in self._piles.values():
@@ -202,8 +208,12 @@ class Bodies:
     @property
     def awake(self) -> dict[str, SimulatedBody]:
         """Those that do not sleep, by name."""
-        asleep = self._sleeping.outcomes()
-        return {name: body for name, body in self.named.items() if name not in asleep} if asleep else self.named
+        if not self._sleeping.any:
+            return self.named
+        if self._awake is None:
+            asleep = set(self._sleeping.names)
+            self._awake = {name: body for name, body in self.named.items() if name not in asleep}
+        return self._awake
 
     def advance(self, motion: ToolMotion, fields: bool, then: ToolMotion | None = None) -> Solutions:
         """Take a step, all or none, in the scene's order; see `advance_all`.
@@ -211,7 +221,7 @@ class Bodies:
         Raises StepFailed, ParticipantLost and ParticipantFailed.
         """
         self._sleeping.wake(motion)
-        asleep = self._sleeping.outcomes()
+        asleep = dict(self._sleeping.outcomes)
         if self._ladders:
             self._climb(asleep)
         lone: dict[str, Participants | Pile] = {**self._lone}
@@ -219,12 +229,22 @@ class Bodies:
         if asleep:
             lone = {name: island for name, island in lone.items() if name not in asleep}
             joined = [island for island in joined if island.members.keys().isdisjoint(asleep)]
-        steps = {pile.part: pile for pile in self._piles.values() if pile.lay(asleep)}
-        lone |= {part: pile for part, pile in steps.items() if not pile.guests}
-        taken = asleep | advance_all(lone, joined, self._transport, motion, fields, then)
+        for number, held in enumerate(self._piles.values()):
+            if held.lay(self._sleeping.of_pile(number)) and not held.guests:
+                lone[held.part] = held
+        again = partial(self._again, motion) if self._sleeping.any else None
+        taken = asleep | advance_all(lone, joined, self._transport, motion, fields, then, again)
         for pile in self.piles:
             pile.take(taken.get(pile.pile.part))
         return Solutions({name: taken[name] for name in self.named if name in taken}, self.piles)
+
+    def _again(self, motion: ToolMotion, outcomes: Mapping[str, Outcome]) -> list[str]:
+        """Piles, by their parts, that are to take the step anew: some of their bodies wake by what they felt in it."""
+        parts = self._sleeping.feel(outcomes, motion)
+        for number, pile in enumerate(self._piles.values()):
+            if pile.part in parts:
+                pile.lay(self._sleeping.of_pile(number))
+        return parts
 
     def _climb(self, asleep: Mapping[str, Outcome]) -> None:
         """Let bodies that are awake go to the rungs that they are to be on in the step that begins."""
@@ -253,8 +273,10 @@ class Bodies:
             self._lone[name] = body.participants
 
     def fall_asleep(self, solutions: Solutions, motion: ToolMotion) -> None:
-        """Let islands sleep from now on that may, after a step that came to this."""
+        """Let bodies sleep from now on that may, after a step that came to this."""
         fell = self._sleeping.follow(solutions, motion)
+        if fell:
+            self._awake = None
         for island in self._joined:
             if tuple(island.members) in fell:
                 island.rest()
@@ -286,6 +308,8 @@ class Bodies:
             found |= under(f"bodies/{name}/", body.save())
         for island in self._joined:
             found |= under(f"joined/{island.name}/", island.save())
+        for pile in self.piles:
+            found |= under(f"piles/{pile.pile.part}/", pile.save())
         rungs = {name: np.array([ladder.at]) for name, ladder in self._ladders.items()}
         return found | under("sleeping/", self._sleeping.save()) | under("rung/", rungs)
 
@@ -295,6 +319,8 @@ class Bodies:
             body.check(named(saved, f"bodies/{name}/"))
         for island in self._joined:
             island.check(floats(named(saved, f"joined/{island.name}/")))
+        for pile in self.piles:
+            pile.check(floats(named(saved, f"piles/{pile.pile.part}/")))
         self._sleeping.read(named(saved, "sleeping/"))
 
     def load(self, saved: Arrays) -> None:
@@ -307,14 +333,11 @@ class Bodies:
         for pile in self.piles:
             pile.pile.restore(self._clock.step)
             pile.begin()
+            pile.load(floats(named(saved, f"piles/{pile.pile.part}/")))
         for island in self._joined:
             island.load(floats(named(saved, f"joined/{island.name}/")))
         self._sleeping.load(named(saved, "sleeping/"))
-        for name, outcome in self._sleeping.outcomes().items():
-            for pile in self.piles:
-                if name in pile.pile.names:
-                    (reply,) = outcome.replies.values()
-                    pile.stand(name, reply)
+        self._awake = None
 
     def _standing(self, saved: Arrays) -> dict[str, SimulatedBody]:
         """The bodies on the rungs that were saved."""

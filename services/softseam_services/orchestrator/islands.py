@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from softseam_coupling.loops.loop import Outcome
 from softseam_protocol.messages.participant import Reply, Request, ToolMotion
@@ -20,12 +20,14 @@ def advance_all(
     motion: ToolMotion,
     fields: bool,
     then: ToolMotion | None = None,
+    again: Callable[[Mapping[str, Outcome]], Collection[str]] | None = None,
 ) -> dict[str, Outcome]:
     """Advance all bodies by a step; where one fails, none has taken it. What each did, by body.
 
     islands  of one body, by its name, and piles by their parts'
     joined   of several, the pile among them by its part's name
     then     of a lone island, see `Participants.advance`
+    again    of what islands came to that nothing ties, those that are to take the step anew; asked until there is none
 
     Those of one part, or of parts that nothing ties, are asked in one exchange; then the others, one after the other.
     Raises StepFailed, ParticipantLost and ParticipantFailed.
@@ -35,13 +37,19 @@ def advance_all(
     free = {name: island for name, island in islands.items() if not island.tied}
     alone = len(islands) + len(joined) == 1
     try:
-        requests: dict[str, Request] = {}
-        for island in free.values():
-            requests.update(island.requests(motion, fields))
-        replies: dict[str, Reply] = transport.exchange(requests) if requests else {}
-        for name, island in free.items():
-            solutions[name] = island.taken(replies)
-            taken.append(island)
+        now = free
+        while now:
+            requests: dict[str, Request] = {}
+            for island in now.values():
+                requests.update(island.requests(motion, fields))
+            replies: dict[str, Reply] = transport.exchange(requests)
+            for name, island in now.items():
+                solutions[name] = island.taken(replies)
+                taken.append(island)
+            now = {} if again is None else {name: free[name] for name in again(solutions)}
+            for island in now.values():
+                island.withdraw()
+                taken.remove(island)
         for name, island in islands.items():
             if isinstance(island, Participants) and island.tied:
                 solutions[name] = island.advance(motion, fields, alone, then)

@@ -62,6 +62,10 @@ class Pile:
         self.contact_names, self.contacts = tuple(found), tuple(found.values())
         """of the interfaces between its bodies, and with guests; these"""
         self._place = {name: place for place, name in enumerate(names)}
+        places = {name: place for place, name in enumerate((*names, *guests))}
+        between = [[places[name] for name in contact.between] for contact in self.contacts]
+        self.pairs = np.array(between, dtype=np.int64).reshape(-1, 2)
+        """places of the bodies of each contact, those of guests after those of its own (m, 2)"""
         self._alone = Parts(self.part, {self.part: model}, {self.part: _NONE}, {self.part: n_nodes}, _NONE)
         self._asked_through = _ByBody(transport, names, guests)
         self._clock = clock
@@ -113,9 +117,9 @@ class Pile:
 
     # ---- a step
 
-    def lay(self, asleep: Collection[str]) -> bool:
-        """Bodies of these names sleep through the next step; whether any of its own takes it."""
-        self.asleep[:] = [name in asleep for name in self.names] if asleep else 0
+    def lay(self, asleep: NDArray[np.bool_]) -> bool:
+        """Some of its bodies (b,) sleep through the next step; whether any takes it."""
+        self.asleep[:] = asleep
         return not self.asleep.all()
 
     @property
@@ -174,15 +178,23 @@ class Pile:
             self._fields[key] = self._held.observe(indicators, own)[self.part].bodies
         return self._fields[key][self._place[name]]
 
+    def snapshot(self) -> bytes:
+        """Of all bodies, from which their participant can be restored."""
+        return self._held.snapshot()[self.part]
+
     def state(self, name: str) -> bytes:
         """The snapshot of a body."""
         if not self._states:
-            self._states = split_states(self._held.snapshot()[self.part])
+            self._states = split_states(self.snapshot())
         return self._states[self._place[name]]
 
     def put_back(self, name: str, state: bytes) -> None:
         """A body is to continue from this snapshot, with all the others, see `restore`."""
         self._to_restore[self._place[name]] = state
+
+    def holds(self, name: str) -> bool:
+        """Whether a body is one of them."""
+        return name in self._place
 
     def place(self, name: str) -> int:
         """Of a body among all."""

@@ -20,6 +20,7 @@ from softseam_protocol.messages.outcomes import Figure, Status
 from softseam_protocol.messages.participant import Advanced, Coupled, Fields
 from softseam_protocol.messages.pile import Meetings, Members, no_meetings
 from softseam_protocol.messages.session import ErrorEstimate, Frame, InterfaceReport, PartReport
+from softseam_services.orchestrator.archive import Arrays
 from softseam_services.orchestrator.creep import Creep
 from softseam_services.orchestrator.energy_balance import Entry
 from softseam_services.orchestrator.pierced import idle_inside
@@ -27,6 +28,7 @@ from softseam_services.orchestrator.pile import Pile
 from softseam_services.orchestrator.pile_quantities import PileQuantities
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.simulated_body import SimulatedBody
+from softseam_services.orchestrator.standing import passed_down, with_more
 from softseam_services.orchestrator.step_losses import StepLosses
 from softseam_services.orchestrator.whereabouts import LOOK_EVERY, Seen, Whereabouts
 from softseam_services.tools.tool_set import ToolSet
@@ -55,10 +57,7 @@ class PileBodies:
         self._losses = StepLosses([body.setup for body in self._bodies])
         self._inelastic = any(body.balance.inelastic for body in self._bodies)
         self._parts: list[tuple[str, tuple[str, str, int, int]]] = []
-
-        places = {name: place for place, name in enumerate((*pile.names, *pile.guests))}
-        between = [[places[name] for name in contact.between] for contact in pile.contacts]
-        self._pairs = np.array(between, dtype=np.int64).reshape(-1, 2)  # places of bodies, and of guests after them
+        self._weights = np.array([body.body.total_mass * body.body.gravity for body in self._bodies])
 
     def begin(self) -> None:
         """The bodies stand where they are put: at the scene's start, or where they were saved."""
@@ -69,9 +68,15 @@ class PileBodies:
             *(np.zeros((b, t, 6)), flat, flat),
             interface_work=none,
             meetings=no_meetings(),
+            fastest=none,
         )
+        self._met = no_meetings()
+        self.pressed = np.zeros((len(self.pile.contacts), 3))
+        """force of the second body of each contact on the first (m, 3) [N]"""
+        self._asleep = np.zeros(b, dtype=np.bool_)  # those that slept through it
+        self._swung = np.zeros((b, t, 6))  # of these, on the tools, as they fell asleep
         self._header = Header(SCHEMA_VERSION, "", self.pile.part, 0, 0, 0, 0.0)
-        self._seconds, self._awake = 0.0, np.arange(b)
+        self._seconds, self._awake, self._part_reports = 0.0, np.arange(b), dict[str, PartReport]()
         self._shown: Sequence[Fields] = ()
         self._alarmed: set[int] = set()
         self._load()
@@ -99,36 +104,98 @@ class PileBodies:
             body.losses.state = state[:, None].copy()
         self._quantities.store()
 
+    def save(self) -> Arrays:
+        """What contacts between them came to in the last step."""
+        met = {each.name: getattr(self._met, each.name).astype(np.float64) for each in fields(Meetings)}
+        return {**met, "asleep": self._asleep, "swung": self._swung[self._asleep]}
+
+    def check(self, saved: Mapping[str, Floats]) -> None:
+        """Raise KeyError or ValueError where these are of other contacts."""
+        met, m, asleep = [saved[each.name] for each in fields(Meetings)], len(self.pile.contacts), saved["asleep"]
+        if len({len(each) for each in met}) != 1 or (len(met[0]) and not 0 <= met[0].max() < m):
+            raise ValueError(f"it is of contacts that are none of {m}")
+        if asleep.shape != self._asleep.shape:
+            raise ValueError(f"it is of {len(asleep)} bodies")
+        if saved["swung"].shape != (np.count_nonzero(asleep), *self._swung.shape[1:]):
+            raise ValueError("it is of other tools")
+
+    def load(self, saved: Mapping[str, Floats]) -> None:
+        """Continue from `save`, after `begin`."""
+        kinds = {each.name: getattr(no_meetings(), each.name).dtype for each in fields(Meetings)}
+        self._meet(Meetings(*(saved[name].astype(kind) for name, kind in kinds.items())))
+        self._asleep[:] = saved["asleep"] != 0.0
+        self._swung[self._asleep] = saved["swung"]
+
+    def _meet(self, met: Meetings) -> None:
+        self._met, self.pressed = met, self._pressed(met)
+
+    def _pressed(self, met: Meetings) -> Floats:
+        """Force of the second body of each contact on the first (m, 3) [N]."""
+        pressed = np.zeros((len(self.pile.contacts), 3))
+        pressed[met.contact] = met.force
+        return pressed
+
+    def pressed_after(self, said: Meetings) -> Floats:
+        """The same, if contacts do this in a step that is not taken yet (m, 3) [N]."""
+        return self._pressed(self._both(self._met, said, self.pile.asleep.astype(np.bool_)))
+
     # ---- one step
 
     def take(self, outcome: Outcome | None) -> None:
         """A step was taken: by those that are awake, as their participant says; None where all sleep."""
         asleep = self.pile.asleep.astype(np.bool_)
-        self._awake = np.flatnonzero(~asleep)
+        self._before, self._awake = self._awake, np.flatnonzero(~asleep)
         reply = None if outcome is None else outcome.replies[self.pile.part]
         self._header = self._header if reply is None else reply.header
         self._seconds = 0.0 if reply is None else reply.seconds / max(1, len(self._awake))
         self._shown = () if reply is None or reply.fields is None else reply.fields.bodies
+        said = None if reply is None else reply.members
+        self._meet(self._both(self._met, None if said is None else said.meetings, asleep))
         if reply is not None and len(self._awake) == len(self._bodies):
             assert reply.members is not None
             self._step = reply.members
+            self._asleep = asleep
             return
         step = replace(self._step, **{name: getattr(self._step, name).copy() for name in _ARRAYS}, notes=[])
         for name in _ARRAYS:
             array = getattr(step, name)
             array[asleep] = _STILL.get(name, array[asleep])
-            if reply is not None:
-                assert reply.members is not None
-                array[self._awake] = getattr(reply.members, name)
-        said = None if reply is None else reply.members
-        met = self._step.meetings
-        if said is not None:
-            between = self._pairs[met.contact]
-            rests = np.append(asleep, np.zeros(len(self.pile.guests), dtype=np.bool_))[between]
-            met = _of(met, rests[:, 0] | rests[:, 1])
-        still = replace(met, work=np.zeros_like(met.work))
-        notes, news = ([], no_meetings()) if said is None else (said.notes, said.meetings)
-        self._step = replace(step, meetings=_both(still, news), notes=notes)
+            if said is not None:
+                array[self._awake] = getattr(said, name)
+        fell, changed = asleep & ~self._asleep, bool((asleep != self._asleep).any())
+        self._swung[fell], self._asleep = self._step.wrench[fell], asleep
+        if changed:
+            step.wrench[asleep] = self._stand_on_tools(np.flatnonzero(asleep))
+        self._step = step if said is None else replace(step, notes=said.notes)
+
+    def _stand_on_tools(self, asleep: NDArray[np.int64]) -> Floats:
+        """What bodies that sleep, of these numbers (s,), exert on the tools (s, t, 6), as they stand."""
+        swung, weights = self._swung[asleep], self._weights[asleep]
+        size = float(np.linalg.norm(self._weights[0]))
+        if size == 0.0:
+            return swung
+        up = -self._weights[0] / size
+        by_tools, carried = -swung[:, :, :3] @ up, self.pressed @ up
+        upwards = np.bincount(self.pile.pairs.ravel(), np.stack((carried, -carried), axis=1).ravel(), len(self._bodies))
+        lacks = -weights @ up - by_tools.sum(axis=1) - upwards[asleep]
+        own = np.full(len(self._bodies), -1)
+        own[asleep] = np.arange(len(asleep))
+        pairs = own[self.pile.pairs]
+        among, holds = (pairs >= 0).all(axis=1), np.maximum(by_tools, 0.0)
+        more = passed_down(lacks, pairs[among], np.abs(carried[among]), holds.sum(axis=1))
+        return with_more(swung, (more[:, None] * holds)[:, :, None] * -up)
+
+    def _both(self, before: Meetings, said: Meetings | None, asleep: NDArray[np.bool_]) -> Meetings:
+        """What contacts did: those of which both bodies sleep stand, and do no work; of others what is said."""
+        still = replace(before, work=np.zeros_like(before.work))
+        if said is None:
+            return still
+        if not asleep.any():
+            return said
+        between = np.append(asleep, np.zeros(len(self.pile.guests), dtype=np.bool_))[self.pile.pairs[before.contact]]
+        rests, names = between[:, 0] & between[:, 1], [each.name for each in fields(Meetings)]
+        order = np.argsort(np.concatenate([before.contact[rests], said.contact]), kind="stable")
+        return Meetings(*(np.concatenate([getattr(still, name)[rests], getattr(said, name)])[order] for name in names))
 
     def stand(self, name: str, reply: Advanced) -> None:
         """A body sleeps, as it stood when it fell asleep."""
@@ -142,8 +209,7 @@ class PileBodies:
     def outcome(self, name: str) -> Outcome:
         """What the step did to one body, as of a body by itself. Raises KeyError where the pile has no such body."""
         place, step = self.pile.place(name), self._step
-        shown = int(np.searchsorted(self._awake, place))
-        fields_of = self._shown[shown] if len(self._shown) else None
+        fields_of = self._shown[place] if len(self._shown) else None
         part, _ = self._parts[place]
         header = replace(self._header, part=part)
         reply = Advanced(
@@ -168,14 +234,10 @@ class PileBodies:
                 reply = replace(reply, alarms=note.alarms)
         return Outcome({part: reply}, _FREE, 0.0, 1, "")
 
-    def kinetic(self, name: str) -> float:
-        """Kinetic energy of a body [J]."""
-        return self._step.kinetic.item(self.pile.place(name))
-
-    def bounds(self, name: str) -> Floats:
-        """Of a body, lower and upper (2, 3) [m]."""
-        place = self.pile.place(name)
-        return np.stack((self._step.low[place], self._step.high[place]))
+    @property
+    def step(self) -> Members:
+        """What the last step did to all; to those asleep, the last that they took."""
+        return self._step
 
     @property
     def wrench(self) -> Floats:
@@ -186,7 +248,7 @@ class PileBodies:
     def interfaces(self) -> dict[str, InterfaceReport]:
         """Of the last step, by contact between its bodies: of those that came near enough, and those asleep as it was
         when they fell asleep."""
-        met, names = self._step.meetings, self.pile.contact_names
+        met, names = self._met, self.pile.contact_names
         figures = met.contact.tolist(), met.depth.tolist(), met.n_points.tolist(), met.largest.tolist()
         each = zip(*figures, met.work.tolist(), met.force.tolist(), strict=True)
         return {names[at]: InterfaceReport(depth, 0, n, most, work, *force) for at, depth, n, most, work, force in each}
@@ -246,11 +308,13 @@ class PileBodies:
         """Of the part that each body would be by itself."""
         step, seconds = self._step, np.zeros(len(self._bodies))
         seconds[self._awake] = self._seconds
-        rows = zip(
-            *(self._parts, energies.tolist(), step.iterations.tolist(), seconds.tolist(), step.n_substeps.tolist()),
-            strict=True,
-        )
-        return {part: PartReport(*about, *own, *rest) for (part, about), own, *rest in rows}
+        new = np.arange(len(seconds)) if not self._part_reports else np.union1d(self._before, self._awake)
+        arrays = energies, step.iterations, seconds, step.n_substeps
+        rows = zip(new.tolist(), *(array[new].tolist() for array in arrays), strict=True)
+        for place, own, *rest in rows:
+            part, about = self._parts[place]
+            self._part_reports[part] = PartReport(*about, *own, *rest)
+        return dict(self._part_reports)
 
     def notify(self, step_number: int, estimates: Mapping[str, ErrorEstimate]) -> None:
         """Report what of the step is worth an event."""
@@ -261,10 +325,11 @@ class PileBodies:
                 place = int(self._awake[note.body])
                 part, about = self._parts[place]
                 self._bodies[place].report("solver", f"step {step_number}, {part} ({about[1]}): {note.why}")
-        for place, (name, body) in enumerate(zip(self.pile.names, self._bodies, strict=True)):
+        for place in range(len(self._bodies)) if estimates or step_number == 0 else sorted(odd):
+            name, raised = self.pile.names[place], self._raised.get(place, ())
             if place in odd or name in estimates or step_number == 0:
-                raised = self._raised.get(place, ())
-                body.warnings.follow(step_number, self.outcome(name).replies, raised, estimates.get(name))
+                replies = self.outcome(name).replies
+                self._bodies[place].warnings.follow(step_number, replies, raised, estimates.get(name))
         self._alarmed = alarmed
 
     def watch(self, step_number: int, position: Floats, orientation: Floats) -> None:
@@ -281,15 +346,3 @@ class PileBodies:
 
     def _tell(self, place: int, kind: str, message: str) -> None:
         self._bodies[place].report(kind, message)
-
-
-def _of(met: Meetings, which: NDArray[np.bool_]) -> Meetings:
-    """Some of the contacts."""
-    return Meetings(*(getattr(met, each.name)[which] for each in fields(Meetings)))
-
-
-def _both(one: Meetings, other: Meetings) -> Meetings:
-    """Contacts of both, ascending."""
-    order = np.argsort(np.concatenate([one.contact, other.contact]), kind="stable")
-    names = [each.name for each in fields(Meetings)]
-    return Meetings(*(np.concatenate([getattr(one, name), getattr(other, name)])[order] for name in names))

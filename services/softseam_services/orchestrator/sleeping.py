@@ -1,178 +1,313 @@
-"""Islands that sleep: they are asked for nothing, and stand in reports as they stood in their last step."""
+"""Bodies that sleep: they are asked for nothing, and stand in reports as they stood in their last step."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.islands import CALM, SLEEP, WAKE, Island
 from softseam_coupling.loops.loop import Outcome
+from softseam_coupling.sleep import CALM, SLEEP, STEADY, WAKE, Neighbourhood, Reasons
 from softseam_protocol.errors import DecodeError
 from softseam_protocol.messages.outcomes import SPENT, Figure
 from softseam_protocol.messages.participant import Advanced, ToolMotion
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.body.errors import SettingError
+from softseam_services.orchestrator.pile_bodies import PileBodies
 from softseam_services.orchestrator.solutions import Solutions
+from softseam_services.orchestrator.standing import with_more
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Entries = dict[str, NDArray[np.generic]]
-_Seen = tuple[Floats, Floats, frozenset[tuple[str, ...]]]
-"""poses of tools (t, 3) [m], (t, 4), and islands"""
+Saved = Mapping[str, NDArray[np.generic]]
 
 _QUIET: dict[str, Any] = {"tool_work": 0.0, "seconds": 0.0, "fields": None, "alarms": {}, "then": None}
 """of a reply in steps that the part sleeps through"""
 
-
-class _Around(NamedTuple):
-    """What an island sees of tools, see `Island`."""
-
-    tools: dict[str, Floats]
-    moving: frozenset[str]
+_SAID = 8
+"""of islands that wake in a step, of how many an event says why"""
 
 
-class _Bounds(Mapping[str, Floats]):
-    """Boxes of an island's bodies, which few rules look at."""
+@dataclass(slots=True)
+class _Known:
+    """What is known of b bodies, and of m contacts between those of piles; updated in place."""
 
-    def __init__(self, names: tuple[str, ...], solutions: Solutions) -> None:
-        self._names, self._solutions = names, solutions
+    asleep: Mask
+    """(b,)"""
+    calm: NDArray[np.int64]
+    """steps in a row in which each was calm, see `Neighbourhood` (b,)"""
+    kinetic: Floats
+    """(b,) [J]"""
+    speed: Floats
+    """of the fastest node (b,) [m/s]"""
+    low: Floats
+    """lower corner of each one's box (b, 3) [m]"""
+    high: Floats
+    held: Floats
+    """of each contact, force of its second body on the first as either fell asleep, or became calm (m, 2, 3) [N]"""
+    changed: Floats
+    """by how much forces on each body changed since (b,) [N]"""
 
-    def __getitem__(self, name: str) -> Floats:
-        if name not in self._names:
-            raise KeyError(name)
-        return self._solutions.bounds(name)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
+    @classmethod
+    def nothing(cls, b: int, m: int) -> _Known:
+        flat, ids = np.zeros((b, 3)), np.zeros(b, dtype=np.int64)
+        still = np.zeros((m, 2, 3)), np.zeros(b)
+        return cls(np.zeros(b, dtype=np.bool_), ids, np.zeros(b), np.zeros(b), flat, flat.copy(), *still)
 
 
 class Sleeping:
-    """Which islands sleep.
+    """Which bodies sleep.
 
     rule     that the scene names; None: none ever sleeps
-    islands  bodies of each
-    mass     of each body [kg]
-    woke     is told of an island that wakes: its bodies, and why
+    islands  bodies of each: those of one sleep and wake together
+    weight   of each body (3,) [N]
+    mass     [kg]
+    piles    in which some are
+    dt       length of a step [s]
+    woke     receives, where bodies wake, whose and why
+    never    bodies that never sleep
     """
 
     def __init__(
         self,
         rule: str | None,
         islands: Sequence[tuple[str, ...]],
+        weight: Mapping[str, Floats],
         mass: Mapping[str, float],
+        piles: Sequence[PileBodies],
         tools: ToolSet,
-        woke: Callable[[tuple[str, ...], str], None],
+        dt: float,
+        woke: Callable[[str], None],
+        never: Sequence[str] = (),
     ) -> None:
         if rule is not None and rule not in SLEEP:
             raise SettingError(f"sleep: {SLEEP.problem(rule)}")
         self._rule = None if rule is None else SLEEP[rule]
-        self._islands, self._mass, self._woke = islands, mass, woke
-        self._names, self._reach = tools.names, dict(zip(tools.names, tools.reach.tolist(), strict=True))
+        self._names, self._piles, self._woke, self._dt = list(mass), piles, woke, dt
+        self._weights, self._mass = (np.array([of[name] for name in self._names]) for of in (weight, mass))
+        self._weight = np.sqrt((self._weights * self._weights).sum(axis=1))
+        self._tools, self._reach = tools.names, tools.reach
+        places = {name: place for place, name in enumerate(self._names)}
+        self._islands = islands
+        self._island = np.zeros(len(self._names), dtype=np.int64)
+        for number, island in enumerate(islands):
+            self._island[[places[name] for name in island]] = number
+        self._rows = [np.array([places[name] for name in each.pile.names]) for each in piles]
+        self._apart = sorted(set(places.values()).difference(*(rows.tolist() for rows in self._rows)))
+        self._never = np.isin(self._names, list(never))
+        met = [np.array([places[name] for name in (*each.pile.names, *each.pile.guests)]) for each in piles]
+        pairs = [ids[each.pile.pairs] for ids, each in zip(met, piles, strict=True)]
+        self._pairs = np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs])
         self.reset()
 
     def reset(self) -> None:
         """All are awake."""
-        self._asleep: dict[tuple[str, ...], dict[str, Outcome]] = {}
-        self._seen: _Seen | None = None  # by those that sleep, when none had a reason to wake
-        self._calm = dict.fromkeys(self._islands, 0)
+        self._known = _Known.nothing(len(self._names), len(self._pairs))
+        self._kept: dict[str, Outcome] = {}  # of those that sleep and are in no pile, their last steps
+        self._seen: tuple[bytes, ...] = ()  # of tools and sleepers, when none had a reason to wake and none was awake
 
     @property
     def possible(self) -> bool:
-        """Whether any island may ever sleep."""
+        """Whether any body may ever sleep."""
         return self._rule is not None
 
-    def outcomes(self) -> dict[str, Outcome]:
-        """Of bodies that sleep, what they did in the last step, by name."""
-        if not self._asleep:
-            return {}
-        return {name: outcome for outcomes in self._asleep.values() for name, outcome in outcomes.items()}
+    @property
+    def any(self) -> bool:
+        """Whether one sleeps."""
+        return bool(self._known.asleep.any())
+
+    @property
+    def names(self) -> list[str]:
+        """Of those that sleep."""
+        return [self._names[place] for place in np.flatnonzero(self._known.asleep).tolist()]
+
+    @property
+    def outcomes(self) -> Mapping[str, Outcome]:
+        """Of bodies that sleep and are in no pile, what they did in the last step, by name."""
+        return self._kept
+
+    def of_pile(self, number: int) -> Mask:
+        """Which bodies of a pile sleep (b,)."""
+        return np.asarray(self._known.asleep[self._rows[number]])
+
+    # ---- a step
 
     def wake(self, motion: ToolMotion) -> None:
-        """A step begins: wake the islands that have a reason. What saw the same tools stand still has none."""
-        if not self._asleep:
+        """A step begins: wake whoever has a reason. Where all sleep and saw the same tools stand still, none has."""
+        known = self._known
+        if not known.asleep.any():
             return
         around = self._around(motion)
-        seen = motion.position_next, motion.orientation_next, frozenset(self._asleep)
-        if not around.moving and self._seen is not None and _alike(self._seen, seen):
-            return
-        self._seen = None if around.moving else seen
-        for island in list(self._asleep):
-            reason = _reason(self._view(island, Solutions(self._asleep[island]), around))
-            if reason:
-                del self._asleep[island]
-                self._calm[island] = 0
-                self._woke(island, reason)
+        seen: tuple[bytes, ...] = ()
+        if known.asleep.all() and not around.moving.any():
+            seen = motion.position_next.tobytes(), motion.orientation_next.tobytes()
+            if seen == self._seen:
+                return
+        self._seen = seen
+        self._wake(_reasons(around))
+
+    def feel(self, outcomes: Mapping[str, Outcome], motion: ToolMotion) -> list[str]:
+        """A step came to this, and is not committed yet: wake whoever has a reason in what others press it with; the
+        parts of the piles in which one does."""
+        if not len(self._pairs):
+            return []
+        pressed = self._pressed
+        begin = 0
+        for pile in self._piles:
+            outcome, n = outcomes.get(pile.pile.part), len(pile.pressed)
+            said = None if outcome is None else outcome.replies[pile.pile.part].members
+            if said is not None:
+                pressed[begin : begin + n] = pile.pressed_after(said.meetings)
+            begin += n
+        woken = self._wake(_reasons(replace(self._around(motion), changed=self._changes(pressed))))
+        piles = zip(self._rows, self._piles, strict=True)
+        return [pile.pile.part for rows, pile in piles if woken[rows].any()]
+
+    def _wake(self, reasons: Reasons) -> Mask:
+        """Wake whoever sleeps and has a reason, and those of its island; who woke (b,)."""
+        known = self._known
+        woken: dict[int, str] = {}
+        for place, reason in reasons.items():
+            if known.asleep[place]:
+                woken.setdefault(int(self._island[place]), reason)
+        if not woken:
+            return np.zeros_like(known.asleep)
+        self._seen = ()
+        wakes = np.isin(self._island, list(woken)) & known.asleep
+        known.asleep[wakes], known.calm[wakes] = False, 0
+        self._hold(wakes)
+        said = []
+        for number, reason in sorted(woken.items()):
+            for name in self._islands[number]:
+                self._kept.pop(name, None)
+            said.append(f"{', '.join(self._islands[number])}: {reason}")
+        more = [f"and {len(said) - _SAID} more"] if len(said) > _SAID else []
+        self._woke("; ".join(said[:_SAID] + more))
+        return np.asarray(wakes)
 
     def follow(self, solutions: Solutions, motion: ToolMotion) -> list[tuple[str, ...]]:
         """A step was taken: the islands that sleep from now on."""
         if self._rule is None:
             return []
-        fell: list[tuple[str, ...]] = []
+        known = self._known
+        self._look(solutions)
+        calm = (known.speed < CALM) & (known.changed <= STEADY * self._weight)
+        known.calm[:] = np.where(known.asleep, known.calm, np.where(calm, known.calm + 1, 0))
+        self._hold(known.calm == 0)
         around = self._around(motion)
-        for island in self._islands:
-            if island in self._asleep:
-                continue
-            view = self._view(island, solutions, around)
-            self._calm[island] = self._calm[island] + 1 if view.speed < CALM else 0
-            if self._rule(replace(view, calm_steps=self._calm[island])) and not _reason(view):
-                self._asleep[island] = {name: _quiet(solutions[name]) for name in island}
-                fell.append(island)
-        return fell
+        may = np.asarray(self._rule(around)) & ~known.asleep & ~self._never
+        if not may.any():
+            return []
+        may[list(_reasons(around))] = False
+        stays = np.unique(self._island[~may])
+        falls = ~np.isin(self._island, stays)
+        known.asleep |= falls
+        self._hold(falls)
+        islands = [self._islands[number] for number in np.unique(self._island[falls]).tolist()]
+        for place in self._apart:
+            if falls[place]:
+                outcome = _quiet(solutions[self._names[place]])
+                alone = len(self._islands[self._island[place]]) == 1
+                self._kept[self._names[place]] = _standing(outcome, self._weights[place]) if alone else outcome
+        return islands
 
-    def _around(self, motion: ToolMotion) -> _Around:
+    def _hold(self, of: Mask) -> None:
+        """From now on changes of what presses these bodies (b,) count."""
+        pressed, known = self._pressed, self._known
+        for side in (0, 1):
+            begins = np.flatnonzero(of[self._pairs[:, side]])
+            known.held[begins, side] = pressed[begins]
+        known.changed[of] = 0.0
+
+    @property
+    def _pressed(self) -> Floats:
+        """Force of the second body of each contact on the first (m, 3) [N]."""
+        return np.concatenate([np.zeros((0, 3)), *(pile.pressed for pile in self._piles)])
+
+    def _look(self, solutions: Solutions) -> None:
+        """See where bodies are after a step, and what presses those that sleep."""
+        known = self._known
+        for rows, pile in zip(self._rows, self._piles, strict=True):
+            step = pile.step
+            known.kinetic[rows], known.speed[rows] = step.kinetic, step.fastest
+            known.low[rows], known.high[rows] = step.low, step.high
+        for place in self._apart:
+            if not known.asleep[place]:
+                replies = solutions[self._names[place]].replies.values()
+                boxes = np.array([reply.bounds for reply in replies])
+                known.low[place], known.high[place] = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+                known.kinetic[place] = sum(reply.kinetic for reply in replies)
+                known.speed[place] = max(reply.figure(Figure.FASTEST) for reply in replies)
+        mean = np.sqrt(2.0 * known.kinetic / self._mass)
+        np.maximum(known.speed, mean, out=known.speed)  # of models that do not say how fast their nodes are
+        known.changed[:] = self._changes(self._pressed)
+
+    def _changes(self, pressed: Floats) -> Floats:
+        """By how much what presses each body (b,) [N] is another than it held, if contacts press so (m, 3) [N]."""
+        away = pressed[:, None] - self._known.held
+        size = np.sqrt(np.einsum("msc,msc->ms", away, away))
+        return np.bincount(self._pairs.ravel(), size.ravel(), len(self._names)).astype(np.float64, copy=False)
+
+    def _around(self, motion: ToolMotion) -> Neighbourhood:
+        known = self._known
         moves = (motion.position_next != motion.position).any(axis=1) | (
             motion.orientation_next != motion.orientation
         ).any(axis=1)
-        return _Around(
-            dict(zip(self._names, motion.position_next, strict=True)),
-            frozenset(name for name, moving in zip(self._names, moves.tolist(), strict=True) if moving),
-        )
-
-    def _view(self, island: tuple[str, ...], solutions: Solutions, around: _Around) -> Island:
-        return Island(
-            sum(solutions.kinetic(name) for name in island),
-            sum(self._mass[name] for name in island),
-            self._calm[island],
-            _Bounds(island, solutions),
-            around.tools,
-            self._reach,
-            around.moving,
+        return Neighbourhood(
+            *(self._names, known.kinetic, known.speed, known.low, known.high, self._weight, known.calm, known.asleep),
+            *(self._pairs, known.changed, self._tools, motion.position_next, self._reach, moves, self._dt),
         )
 
     # ---- snapshots
 
     def save(self) -> Entries:
-        """Which sleep and how they stand, and how long the others were calm."""
-        entries: Entries = {"calm": np.array([self._calm[island] for island in self._islands])}
-        for body, outcome in self.outcomes().items():
+        """All that is known, and of those that sleep how they stand."""
+        known = self._known
+        entries: Entries = {name: np.array(getattr(known, name)) for name in _Known.__slots__}
+        for place in np.flatnonzero(known.asleep).tolist():
+            body = self._names[place]
+            outcome = self._kept[body] if body in self._kept else _quiet(self._of_pile(place))
             entries[f"{body}/gap"] = np.array([outcome.gap])
             entries[f"{body}/multipliers"] = outcome.multipliers
             replies = {part: np.frombuffer(encode(reply), np.uint8) for part, reply in outcome.replies.items()}
             entries |= {f"{body}/{part}": reply for part, reply in replies.items()}
         return entries
 
-    def load(self, entries: Mapping[str, NDArray[np.generic]]) -> None:
-        """Continue from `save`. Raises KeyError or ValueError, and changes nothing, where it is of other islands."""
-        self._asleep, self._calm = self.read(entries)
-        self._seen = None
+    def _of_pile(self, place: int) -> Outcome:
+        """What a step did to a body of a pile."""
+        pile = next(pile for rows, pile in zip(self._rows, self._piles, strict=True) if place in rows)
+        return pile.outcome(self._names[place])
 
-    def read(
-        self, entries: Mapping[str, NDArray[np.generic]]
-    ) -> tuple[dict[tuple[str, ...], dict[str, Outcome]], dict[tuple[str, ...], int]]:
-        """What `save` saved: the islands that sleep with what their bodies did, and the calm steps of all. Raises
-        KeyError or ValueError where it is of other islands."""
-        calm = [int(steps) for steps in entries["calm"].astype(np.int64)]
-        if len(calm) != len(self._islands):
-            raise ValueError(f"it is of {len(calm)} islands")
+    def load(self, entries: Saved) -> None:
+        """Continue from `save`, after the piles. Raises KeyError or ValueError, and changes nothing, where it is of
+        other bodies."""
+        self._known, found = self.read(entries)
+        self._seen, self._kept = (), {}
+        for name, outcome in found.items():
+            holder = next((pile for pile in self._piles if name in pile.pile.names), None)
+            if holder is None:
+                self._kept[name] = outcome
+            else:
+                (reply,) = outcome.replies.values()
+                holder.stand(name, reply)
+
+    def read(self, entries: Saved) -> tuple[_Known, dict[str, Outcome]]:
+        """What `save` saved: what is known, and what those that sleep did. Raises KeyError or ValueError where it is of
+        other bodies."""
+        known = _Known.nothing(len(self._names), len(self._pairs))
+        for name in _Known.__slots__:
+            own = getattr(known, name)
+            if entries[name].shape != own.shape:
+                raise ValueError(f"it is of {len(entries[name])} bodies or contacts, not of {len(own)}: {name}")
+            own[:] = entries[name]
         found: dict[str, Outcome] = {}
-        for body in dict.fromkeys(name.partition("/")[0] for name in entries if "/" in name):
+        for place in np.flatnonzero(known.asleep).tolist():
+            body = self._names[place]
             own = {
                 name.removeprefix(f"{body}/"): entry for name, entry in entries.items() if name.startswith(f"{body}/")
             }
@@ -182,17 +317,30 @@ class Sleeping:
             except DecodeError as error:
                 raise ValueError(str(error)) from error
             found[body] = Outcome(replies, multipliers, float(gap[0]), 0)
-        asleep = [island for island in self._islands if any(name in found for name in island)]
-        sleepers = {island: {name: found[name] for name in island} for island in asleep}
-        return sleepers, dict(zip(self._islands, calm, strict=True))
+        return known, found
 
 
-def _alike(one: _Seen, other: _Seen) -> bool:
-    return one[2] == other[2] and all(np.array_equal(a, b) for a, b in zip(one[:2], other[:2], strict=True))
+def _reasons(around: Neighbourhood) -> Reasons:
+    """Of each body that has one, the first."""
+    found: dict[int, str] = {}
+    for wakes in WAKE.values():
+        for place, reason in wakes(around).items():
+            found.setdefault(place, reason)
+    return found
 
 
-def _reason(island: Island) -> str:
-    return next((reason for wakes in WAKE.values() if (reason := wakes(island))), "")
+def _standing(outcome: Outcome, weight: Floats) -> Outcome:
+    """Of a body of this weight (3,) [N] that only tools hold: as they carry it while it stands."""
+    size, replies = float(np.sqrt(weight @ weight)), outcome.replies
+    wrenches = np.array([reply.wrench for reply in replies.values()])
+    lifts = -wrenches[..., :3] @ -weight / size if size else np.zeros(0)
+    holds = np.maximum(lifts, 0.0)
+    if not holds.any():
+        return outcome
+    more = (size - float(lifts.sum())) / float(holds.sum())
+    stands = with_more(wrenches, more * holds[..., None] * weight / size)
+    changed = {part: replace(replies[part], wrench=own) for part, own in zip(replies, stands, strict=True)}
+    return replace(outcome, replies=changed)
 
 
 def _quiet(outcome: Outcome) -> Outcome:

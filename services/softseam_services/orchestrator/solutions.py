@@ -22,20 +22,19 @@ class Solutions(dict[str, Outcome]):
 
     def __init__(self, known: Mapping[str, Outcome], piles: Sequence[PileBodies] = ()) -> None:
         super().__init__(known)
-        self._pile = {name: each for each in piles for name in each.pile.names} if piles else {}
+        self._piles = piles
 
     def __missing__(self, name: str) -> Outcome:
-        return self._pile[name].outcome(name)
-
-    def kinetic(self, name: str) -> float:
-        """Kinetic energy of a body [J]."""
-        if name in self:
-            return sum(reply.kinetic for reply in self[name].replies.values())
-        return self._pile[name].kinetic(name)
+        for each in self._piles:
+            if each.pile.holds(name):
+                return each.outcome(name)
+        raise KeyError(name)
 
     def bounds(self, name: str) -> Floats:
         """Of a body, lower and upper (2, 3) [m]."""
-        if name not in self:
-            return self._pile[name].bounds(name)
+        for each in self._piles:
+            if each.pile.holds(name):
+                place = each.pile.place(name)
+                return np.array([each.step.low[place], each.step.high[place]])
         boxes = np.array([reply.bounds for reply in self[name].replies.values()])
         return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])

@@ -19,6 +19,7 @@ from softseam_services.body.sampled_faces import SampledFaces
 from softseam_services.jit import Rows
 
 from .guests import Guests
+from .kernels.asleep import AWAKE, FELL, LIES
 from .kernels.between import DEPTH, IMPULSE, LARGEST, WORK, new_books
 from .kernels.eights import fill_eights, find_groups, lay_rows, new_eights, new_groups
 from .kernels.pairs import EIGHT
@@ -108,6 +109,8 @@ class Between:
             rows=np.zeros((f, N_NUMBERS)),
             forces=np.zeros((2, f, 3)),
             carries=np.zeros((2, m), dtype=np.bool_),
+            asleep=np.zeros(b, dtype=np.int32),
+            stands=np.zeros(m, dtype=np.bool_),
         )
         self._visits: Mask = self.touch.visits
         self._make_room(counts, pair, [each for each in faces if isinstance(each, Faces)])
@@ -122,15 +125,17 @@ class Between:
         self.eights = new_eights(_EIGHTS, len(self._xw))
         self.any = m > 0
 
-    def find(self, members: Rows, asleep: Mask, now: int, dt: float) -> None:
+    def find(self, members: Rows, asleep: Mask, fell: Mask, now: int, dt: float) -> None:
         """What touches in a step of dt [s]: of the first `n_groups` of `groups` the rows in `eights`.
 
-        asleep  of the pile's bodies, and of guests
+        asleep  bodies that sleep through it, and guests; fell: bodies of them that did not through the step before
         now     which of the forces between bodies the step begins with
         """
         touch, guests, self._dt = self.touch, self._guests, dt
+        touch.asleep[:] = np.where(asleep, LIES, AWAKE)
+        touch.asleep[: self._n_own][fell] = FELL
         touch.guest_at[:], touch.guest_to[:] = guests.came, guests.goes
-        n_rows, others = find_rows(members, self._n_own, touch, asleep, now, dt)
+        n_rows, others = find_rows(members, self._n_own, touch, now, dt)
         if others:
             self.n_groups, self._n_eights = find_groups(touch, self.groups), -1
             while self._n_eights < 0:
@@ -183,6 +188,7 @@ class Between:
             own[:] = forces[at : at + own.size].reshape(own.shape) if len(forces) else 0.0
             at += own.size
             self.touch.carries[now, k // 2] = True
+        self.touch.stands[:] = False
 
 
 def _shares(one: Faces | SampledFaces, other: Faces | SampledFaces) -> tuple[float, float]:

@@ -67,7 +67,7 @@ class PileSolver:
         self._all = Pieces(setups)
         self.pieces = self._all.each
         """in the order of the bodies"""
-        self._cut = [piece for piece in self.pieces if piece.body.cut]
+        self._cut = [number for number, piece in enumerate(self.pieces) if piece.body.cut]
         self._n_tools = self.pieces[0].model.n_tools
         self._now = 0  # which of each piece's states is committed
         self._tentative = False
@@ -124,7 +124,7 @@ class PileSolver:
         if refused:
             raise ValueError(refused)
         self._fit(request.dt)
-        self._let_lie(asleep)
+        fell = self._let_lie(asleep)
         awake = np.flatnonzero(~asleep)
         self._share_out(awake, request)
         place_tools(self._inputs, request.tools)
@@ -132,7 +132,7 @@ class PileSolver:
         rows, between, working = self._rows[self._now], self._between, (self._team, self._ws, self._notes)
         away = self._guests.take(request.guests)
         if between.any:
-            between.find(rows, np.concatenate([asleep, away]), self._now, request.dt)
+            between.find(rows, np.concatenate([asleep, away]), fell, self._now, request.dt)
         alone = kernels[~between.groups.tied[kernels]]
         of_pile.advance_bodies(rows, alone, self._inputs, request.dt, *working)
         if between.n_groups:
@@ -143,7 +143,7 @@ class PileSolver:
         dissipated = np.zeros(len(self.pieces))
         notes = {int(number): self._step_apart(int(number), request, dissipated) for number in apart}
         notes |= self._notes_of(kernels)
-        for piece in self._cut:
+        for piece in (self.pieces[number] for number in self._cut if not asleep[number]):
             self._bound(piece)
         self._tentative = True
         stepped = Stepped(
@@ -161,12 +161,20 @@ class PileSolver:
                 piece.scratch.fit(piece.model, piece.parameters, dt)
             self._make_rows()
 
-    def _let_lie(self, asleep: NDArray[np.bool_]) -> None:
-        """Bodies that sleep are in the tentative state what they are in the committed one."""
-        for number in np.flatnonzero(asleep & ~self._same):
-            states = self.pieces[number].states
+    def _let_lie(self, asleep: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Bodies that sleep are in the tentative state what they are in the committed one, and to others nodes there
+        that do not give. Returns those that did not sleep before (b,)."""
+        fell = asleep & ~self._same
+        for number in np.flatnonzero(fell):
+            piece = self.pieces[number]
+            states, xw, n = piece.states, piece.scratch.arrays.xw, piece.model.n_nodes
             np.copyto(states[1 - self._now].buffer, states[self._now].buffer)
+            xw[:n, :3], xw[:n, 3] = states[self._now].x, 0.0
+        for number in np.flatnonzero(self._same & ~asleep):
+            piece = self.pieces[number]
+            piece.scratch.arrays.xw[: piece.model.n_nodes, 3] = piece.parameters.arrays.inverse_mass
         self._same[:] = asleep
+        return fell
 
     def _share_out(self, awake: Integers, request: Advance) -> None:
         for number in sorted(self._unshared.intersection(awake.tolist())):
@@ -267,7 +275,7 @@ class PileSolver:
         for number, own in enumerate(forces):
             between.load(number, self._now, own)
         self._tentative = False
-        self._same[:] = False
+        self._let_lie(np.zeros(len(self.pieces), dtype=np.bool_))
         self._guests.forget()
         self._see_unshared()
 
@@ -326,6 +334,7 @@ def reply_of(
         interface_work=rows[k.SEAM_WORK],
         meetings=stepped.met,
         on_guests=stepped.on_guests,
+        fastest=rows[k.FASTEST],
     )
     bounds = np.zeros((2, 3))
     if len(awake):
@@ -353,6 +362,7 @@ def reply_of(
             Figure.SUBSTEPS: float(members.n_substeps.max(initial=1)),
             Figure.RESIDUAL: float(members.residual.max(initial=0.0)),
             Figure.DISSIPATED: float(dissipated.sum()),
+            Figure.FASTEST: float(members.fastest.max(initial=0.0)),
         },
         why=wrong[0].why if wrong else "",
         members=members,

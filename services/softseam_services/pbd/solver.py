@@ -132,6 +132,7 @@ class PbdSolver:
                 Figure.ITERATIONS: float(taken.sweeps),
                 Figure.SUBSTEPS: float(taken.n_substeps),
                 Figure.RESIDUAL: numbers[k.RESIDUAL],
+                Figure.FASTEST: numbers[k.FASTEST],
                 Figure.DISSIPATED: taken.dissipated,
             },
             why=why,

@@ -9,7 +9,7 @@ from softseam_protocol.messages.participant import BodyState, ToolMotion
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.body.internal import internal_of
 from softseam_services.body.turning import Turning, with_change
-from softseam_services.totals import Totals
+from softseam_services.totals import Totals, fastest
 
 from . import watch
 from .blocks import to_blocks
@@ -182,6 +182,7 @@ def stay(parameters: PbdParameters, state: PbdState, scratch: StepScratch) -> St
     result[k.GRAVITY] = monitor[trust.GRAVITY]
     result[k.MOMENTUM : k.MOMENTUM + 3], result[k.ANGULAR : k.ANGULAR + 3] = standing.momentum, standing.angular
     result[k.BOUNDS : k.BOUNDS + 6] = standing.bounds.ravel()
+    result[k.FASTEST] = fastest(state.v)
     arrays = result, outputs.wrench, outputs.distance
     return StepResult(watch.Fault.INPUT, False, scratch.planned, 0, {}, *arrays)
 

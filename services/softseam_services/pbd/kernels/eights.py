@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import njit, record
 
+from .asleep import awake_of
 from .lanes import aligned
 from .pairs import EIGHT
 from .touch import CORNER, NORMAL, POINT, RANK, RUB, SHARE, SIDE, SOFT
@@ -82,14 +83,14 @@ def new_eights(e: int, n: int) -> Eights:
 
 @njit(cache=True, error_model="numpy")
 def find_groups(touch, groups):
-    """Groups of the bodies that rows tie, in place. Returns how many there are."""
+    """Groups of the bodies that rows tie, in place; one that sleeps is in none. Returns how many there are."""
     b, tied = len(groups.tied), groups.tied
     parent, number = np.arange(b), np.empty(b, dtype=np.int64)
     tied[:] = False
     for meeting in range(len(touch.pair)):
         if touch.start[meeting] == touch.start[meeting + 1]:
             continue
-        one, other = touch.pair[meeting, 0], touch.pair[meeting, 1]
+        one, other = awake_of(touch, meeting)
         tied[one] = tied[other] = True
         one, other = _top(parent, one), _top(parent, other)
         parent[max(one, other)] = min(one, other)
@@ -108,7 +109,7 @@ def find_groups(touch, groups):
             groups.first_body[number[body] + 1] += 1
     for meeting in range(len(touch.pair)):
         if touch.start[meeting] < touch.start[meeting + 1]:
-            groups.first_meeting[number[touch.pair[meeting, 0]] + 1] += 1
+            groups.first_meeting[number[awake_of(touch, meeting)[0]] + 1] += 1
     for group in range(n):
         groups.first_body[group + 1] += groups.first_body[group]
         groups.first_meeting[group + 1] += groups.first_meeting[group]
@@ -119,7 +120,7 @@ def find_groups(touch, groups):
             bodies[number[body]] += 1
     for meeting in range(len(touch.pair)):
         if touch.start[meeting] < touch.start[meeting + 1]:
-            group = number[touch.pair[meeting, 0]]
+            group = number[awake_of(touch, meeting)[0]]
             groups.meetings[meetings[group]] = meeting
             meetings[group] += 1
     return n

@@ -17,6 +17,7 @@ import numpy as np
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import njit, record
 
+from .asleep import gives
 from .between import DEPTH, IMPULSE, LARGEST, WORK
 from .touch import CORNER, POINT, SHARE, SIDE
 from .touch import NORMAL as FACING
@@ -104,7 +105,7 @@ def gather_patches(touch, patches, n_own, target, part):
                 point = touch.first[one] + j
                 if one < n_own:
                     patches.node[n_nodes], patches.weight[n_nodes] = touch.row[one] + touch.node[point], w
-                    row[GIVES] += w * w * touch.inverse_mass[point]
+                    row[GIVES] += gives(touch, one) * w * w * touch.inverse_mass[point]
                     n_nodes += 1
                 else:
                     n_entries = _enter(patches, n_entries, one - n_own, j, w)

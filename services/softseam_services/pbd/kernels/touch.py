@@ -30,6 +30,8 @@ from softseam_coupling.kernels.nearest_face import (
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import njit, record
 
+from .asleep import AWAKE, LIES, gives
+
 POINT, CORNER, SIDE, PLACE, RANK = 0, 1, 4, 5, 6
 N_INTS = 7
 """of a row: point and three corners, as rows of the pile's xw; 2 m + k of the points of the k-th body in meeting m;
@@ -131,11 +133,15 @@ class Touch(NamedTuple):
     [N]"""
     carries: NDArray[np.bool_]
     """whether a meeting has any in either (2, m)"""
+    asleep: Ints
+    """see `asleep` (b,)"""
+    stands: NDArray[np.bool_]
+    """meetings whose forces are the same before and after the step, as both bodies sleep (m,)"""
 
 
 @njit(cache=True, error_model="numpy")
-def find_rows(members, n_own, touch, asleep, now, dt):
-    """Rows of a step of dt [s] from where bodies are, but of meetings of which a body is asleep (b,).
+def find_rows(members, n_own, touch, now, dt):
+    """Rows of a step of dt [s] from where bodies are, but of meetings of which both bodies sleep.
 
     n_own  bodies of the pile: others are guests
     now    which of `forces` the step begins with; the others become those of what takes no part in it
@@ -145,9 +151,9 @@ def find_rows(members, n_own, touch, asleep, now, dt):
     first = touch.first
     for body in range(len(first) - 1):
         touch.fresh[body] = False
-        if first[body] < first[body + 1] and not asleep[body]:
+        if first[body] < first[body + 1] and touch.asleep[body] != LIES:
             if body < n_own:
-                _go_on(members[body], touch, body, dt)
+                _go_on(members[body], touch, body, dt * gives(touch, body))
             else:
                 begin, end = first[body] - first[n_own], first[body + 1] - first[n_own]
                 _go(touch, body, touch.guest_at[begin:end], touch.guest_to[begin:end])
@@ -157,9 +163,10 @@ def find_rows(members, n_own, touch, asleep, now, dt):
         a, b = touch.pair[meeting, 0], touch.pair[meeting, 1]
         others = others or touch.start[meeting] != n
         touch.start[meeting] = n
-        still = asleep[a] or asleep[b]
-        if touch.carries[0, meeting] or touch.carries[1, meeting]:
+        still = touch.asleep[a] != AWAKE and touch.asleep[b] != AWAKE
+        if (touch.carries[0, meeting] or touch.carries[1, meeting]) and not (still and touch.stands[meeting]):
             stand(touch, meeting, now, 1.0 if still else 0.0)
+        touch.stands[meeting] = still
         apart = halo[a, 0] > halo[b, 3] or halo[a, 1] > halo[b, 4] or halo[a, 2] > halo[b, 5]
         apart = apart or halo[b, 0] > halo[a, 3] or halo[b, 1] > halo[a, 4] or halo[b, 2] > halo[a, 5]
         if not (still or apart):
@@ -374,6 +381,7 @@ def _add_of(touch, meeting, side, now, x, far, reach, n):
     mine, their = touch.inverse_mass[begin:end], touch.inverse_mass[theirs : touch.first[other + 1]]
     soft = (touch.yields[own] + touch.yields[other]) / touch.presses[meeting, side]
     rub, others = touch.friction[meeting], False
+    own_gives, other_gives = gives(touch, own), gives(touch, other)
     for i in range(len(close)):
         covered = 1.0 - touch.beside[i] / reach
         if nearest[i] < 0 or not covered > 0.0:
@@ -391,7 +399,8 @@ def _add_of(touch, meeting, side, now, x, far, reach, n):
         node = touch.node[begin + point]
         i0, i1, i2 = touch.node[theirs + a], touch.node[theirs + b], touch.node[theirs + c]
         row[SOFT] = soft / (covered * touch.area[begin + point])
-        row[GIVES] = mine[point] + s0 * s0 * their[a] + s1 * s1 * their[b] + s2 * s2 * their[c]
+        row[GIVES] = own_gives * mine[point]
+        row[GIVES] += other_gives * (s0 * s0 * their[a] + s1 * s1 * their[b] + s2 * s2 * their[c])
         row[RUB] = rub
         force, to = touch.forces[now], place + point
         touches = gap <= 0.0 or force[to, 0] != 0.0 or force[to, 1] != 0.0 or force[to, 2] != 0.0

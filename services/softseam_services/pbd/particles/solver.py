@@ -115,6 +115,7 @@ class ParticleSolver:
                 Figure.PENETRATION: float(result[k.PENETRATION]),
                 Figure.SLIP: float(result[k.SLIP]),
                 Figure.ITERATIONS: float(taken.sweeps),
+                Figure.FASTEST: float(result[k.FASTEST]),
                 **self._measures(),
             },
             why="" if fault is Fault.NONE else wrong or fault.text,

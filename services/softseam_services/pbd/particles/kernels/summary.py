@@ -8,8 +8,8 @@ from softseam_services.tools.kernels import tool_gap
 
 KINETIC, GRAVITY, PENETRATION, N_CONTACTS, HELD, FINITE = range(6)
 MOMENTUM, ANGULAR, BOUNDS = 6, 9, 12
-SLIP = 18
-N_RESULTS = 19
+SLIP, FASTEST = 18, 19
+N_RESULTS = 20
 
 
 @njit(cache=True, error_model="numpy")
@@ -26,7 +26,9 @@ def summarise(parameters, state, inputs, contacts, outputs, count):
     for i in range(len(x)):
         px, py, pz = three(x, i)
         ux, uy, uz = three(v, i)
-        result[KINETIC] += 0.5 * mass[i] * (ux * ux + uy * uy + uz * uz)
+        square = ux * ux + uy * uy + uz * uz
+        result[KINETIC] += 0.5 * mass[i] * square
+        result[FASTEST] = max(result[FASTEST], np.sqrt(square))
         for axis in range(3):
             result[GRAVITY] -= mass[i] * gravity[axis] * (x[i, axis] - x_rest[i, axis])
             result[BOUNDS + axis] = min(result[BOUNDS + axis], x[i, axis])
