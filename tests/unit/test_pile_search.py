@@ -14,6 +14,7 @@ from softseam_coupling.interfaces.contact import REACH
 from softseam_coupling.kernels.nearest_face import nearest_faces, point_normals
 from softseam_protocol.scene.file import bundle_scene
 from softseam_services.pbd.between import Between, Contact
+from softseam_services.pbd.guests import Guests
 from softseam_services.pbd.kernels.eights import NODE, ROW
 from softseam_services.pbd.kernels.pairs import EIGHT
 from softseam_services.pbd.kernels.touch import CORNER, NORMAL, PLACE, POINT, RANK, SHARE
@@ -35,13 +36,14 @@ class Four:
         bundle = bundle_scene(scene_of(bodies))
         self.pieces = Pieces([build_setup(bundle, name) for name in bodies])
         contacts = {f"{a}{b}": Contact((a, b), 0.3) for a, b in MEETINGS}
-        self.between = Between(contacts, self.pieces)
+        self.between = Between(contacts, self.pieces, Guests([], len(bodies)))
         self.rest = [piece.body.x_rest - piece.body.x_rest.mean(axis=0) for piece in self.pieces.each]
         self.x = [piece.states[0].x for piece in self.pieces.each]
         self.v = [piece.states[0].v for piece in self.pieces.each]
 
     def find(self) -> None:
-        self.between.find(self.pieces.rows()[0], np.zeros(4, dtype=np.bool_), 0, DT)
+        none = np.zeros(4, dtype=np.bool_)
+        self.between.find(self.pieces.rows()[0], none, none, 0, DT)
 
     def found(self) -> dict[int, tuple[Floats, Floats, Floats]]:
         """Rows by place: corners, weights, normal."""

@@ -20,9 +20,6 @@ from softseam_services.body.kernels.shape_functions import fill_weights
 from softseam_services.body.outer_faces import FACE_NODES, is_covered_by_faces
 from softseam_services.tools.kernels import DENSE
 
-_MOST = 16
-"""panels along a cell's edge"""
-
 
 @dataclass(frozen=True)
 class SampledFaces:
@@ -57,7 +54,7 @@ def sampled_faces(body: Body, functions: Functions, others: float) -> SampledFac
     SettingError where its surface runs through cells."""
     if body.tetrahedra or not is_covered_by_faces(body):
         raise SettingError("contact meets no surface that runs through cells yet: take a block")
-    panels = min(max(2, math.ceil(body.resolution / others - 1e-6) if others < body.resolution else 0), _MOST)
+    panels = max(2, math.ceil(body.resolution / others - 1e-6))
     simpson = np.array([1.0, *(4.0, 2.0) * (panels - 1), 4.0, 1.0]) / (6.0 * panels)
     cell, local, side, quads, among, part = _lattices(body, panels)
     indptr = np.zeros(len(local) + 1, dtype=np.int32)

@@ -23,14 +23,13 @@ from .kernels.asleep import AWAKE, FELL, LIES
 from .kernels.between import DEPTH, IMPULSE, LARGEST, WORK, new_books
 from .kernels.eights import fill_eights, find_groups, lay_rows, new_eights, new_groups
 from .kernels.pairs import EIGHT
-from .kernels.touch import LISTED, N_INTS, N_NUMBERS, Touch, find_rows
+from .kernels.search import find_rows
+from .kernels.touch import LISTED, N_INTS, N_NUMBERS, Touch
 from .pile_pieces import Piece, Pieces
 
 Mask = NDArray[np.bool_]
 Numbers = NDArray[np.int64]
 
-_EIGHTS = 64
-"""that there is room for at first"""
 _NO_NODES = np.zeros(0, dtype=np.int32)
 _NO_FACES = Faces(_NO_NODES, np.zeros((0, 3), dtype=np.int32), np.zeros(0), 0.0, 0.0)
 
@@ -122,7 +121,7 @@ class Between:
         self.groups, self.books = new_groups(b, m), new_books(b, m)
         self.n_groups = 0
         self._xw = pieces.xw
-        self.eights = new_eights(_EIGHTS, len(self._xw))
+        self.eights = new_eights(EIGHT, len(self._xw))
         self.any = m > 0
 
     def find(self, members: Rows, asleep: Mask, fell: Mask, now: int, dt: float) -> None:
