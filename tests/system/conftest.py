@@ -1,4 +1,4 @@
-"""Real services over a real router, started once for the tests of a file."""
+"""Real services over a real router, started once for all tests of a worker that use them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from softseam_services.bus_options import BusOptions
 from softseam_services.launch import UpOptions, supervisor
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
     """Router, fem, pbd, recorder and orchestrator under a supervisor."""
     recordings = tmp_path_factory.mktemp("recordings")

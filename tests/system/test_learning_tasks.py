@@ -103,11 +103,11 @@ def test_a_little_training_pushes_better_than_chance(tmp_path: Path, monkeypatch
     task = TASKS["PushGentle"]
     monkeypatch.setitem(TASKS, "PushGentle", replace(task, learning={"reward": task.learning["reward"], **given}))
     monkeypatch.setattr(training, "Sessions", in_this_process)
-    train(Wishes("PushGentle", steps=8192, out=tmp_path), Console(quiet=True))
+    train(Wishes("PushGentle", steps=4096, out=tmp_path), Console(quiet=True))
     env = TASKS["PushGentle"].environment(**TASKS["PushGentle"].learning)
     policy, random = learned((tmp_path / POLICY).read_bytes(), "ppo", env), np.random.default_rng(0)
     worth = [
-        np.mean([returned(env, rule, seed) for seed in range(12)])
+        np.mean([returned(env, rule, seed) for seed in range(8)])
         for rule in (policy, lambda seen, info: [0.0, 0.0], lambda seen, info: random.normal(0.0, 0.5, 2).tolist())
     ]
     env.close()

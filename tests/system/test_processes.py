@@ -215,8 +215,9 @@ def test_the_router_is_restarted(
     try:
         backend.reset(0)
         reports = [backend.step(1, None, False).report for _ in range(20)]
+        said = len(services.lines.lines)
         os.kill(pid, signal.SIGKILL)
-        services.lines.wait_for("router", "SIGKILL", "restarting")
+        services.lines.wait_for("router", "SIGKILL", "restarting", after=said)
         reports += [backend.step(1, None, n == STEPS - 1).report for n in range(20, STEPS)]
     finally:
         backend.close()

@@ -181,7 +181,7 @@ def test_a_slow_press_wakes_what_is_below() -> None:
 
 @pytest.mark.parametrize("velocity", [(1.0, 0.0, 0.0), (0.0, 0.0, 0.3)])
 def test_what_is_hit_wakes_before_it_is_hit(velocity: tuple[float, float, float]) -> None:
-    """A cube that slides into one that sleeps, and one that falls on it: energy never rises, and both are within 20 um
+    """A cube that slides into one that sleeps, and one that falls on it: energy never rises, and both are within 25 um
     of where they are without sleep, until 8 steps after (then one rocks on the other, which is no measure)."""
     at = [-0.25, 0.01, 1e-4] if velocity[2] == 0.0 else [0.005, 0.01, 0.1]
     bodies = {
@@ -203,7 +203,7 @@ def test_what_is_hit_wakes_before_it_is_hit(velocity: tuple[float, float, float]
     assert len([n for n in slept if n < hit]) > 10 and len(awake(found[0][hit].report)) == 2
     for one, other in zip(*(each[: hit + 8] for each in found), strict=True):
         for name, body in one.bodies.items():
-            assert np.abs(body.positions - other.bodies[name].positions).max() < 2e-5
+            assert np.abs(body.positions - other.bodies[name].positions).max() < 2.5e-5
     energy = np.array([sum(one.energies[key] for key in ("kinetic", "strain", "gravity")) for one in found[0]])
     assert np.diff(energy).max() < 1e-9
 

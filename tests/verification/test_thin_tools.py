@@ -31,6 +31,8 @@ PUNCH, ROUND = 5.81, 1.59
 
 WITHIN = 0.1
 """of a rod's force on default cells, wherever it is set down and however deep [1]"""
+REST = 0.1
+"""for which a tool is held [s]: by then forces are within 6e-5 of what they are after twice as long, by both models"""
 THIRD = 0.04 / 3
 """edge of cells [m]"""
 SQUARE_END, ROUND_END = 4.98, 0.117
@@ -78,7 +80,7 @@ def scene_of(
                 "fixed": [{"min": [-1, -1, -1e-3], "max": [1, 1, 1e-3]}],
             },
             "tools": {"tool": tool},
-            "motion": [{"tools": ["tool"], "move": [0, 0, -depth - 5e-4], "speed": 0.02}, {"hold": 0.2}],
+            "motion": [{"tools": ["tool"], "move": [0, 0, -depth - 5e-4], "speed": 0.02}, {"hold": REST}],
             "regions": {"default": model} if model != "both" else BOTH,
         }
     )
@@ -92,7 +94,7 @@ def rod(
     tool: dict[str, Any] = {"kind": "capsule", "radius": 5e-3, "length": 0.04, "position": [*place, 0.0555]}
     if kind == "sphere":
         tool = {"kind": "sphere", "radius": 5e-3, "position": [*place, 0.0355]}
-    files = {"ball.obj": solids.obj(*solids.sphere(5e-3, 5))}
+    files = {"ball.obj": solids.obj(*solids.sphere(5e-3, 4))}
     if kind == "mesh":
         tool = {"kind": "mesh", "path": "ball.obj", "position": [*place, 0.0355]}
     return pressed(scene_of(tool, depth, (0.06, 0.06, 0.03), cell, 20e3, 0.4, model), files)
@@ -146,9 +148,10 @@ def test_at_any_depth_coarse_cells_tell_what_fine_ones_do(model: str) -> None:
 @both
 @pytest.mark.parametrize(("cell", "half_range"), [(0.01, 0.05), (0.006, 0.02)])
 def test_a_rod_drawn_across_the_face_meets_no_steps(cell: float, half_range: float, model: str) -> None:
-    """Set down at six places from a row of nodes to half way to the next: force changes by little from each to the
-    next, and from there on it is the same backwards."""
-    forces = np.array([rod((x, 0.0), cell, model=model) for x in np.linspace(0.0, 0.5 * cell, 6)])
+    """Set down at six places, on small cells at four, from a row of nodes to half way to the next: force changes by
+    little from each to the next, and from there on it is the same backwards."""
+    places = np.linspace(0.0, 0.5 * cell, 6 if cell == 0.01 else 4)
+    forces = np.array([rod((x, 0.0), cell, model=model) for x in places])
     assert np.ptp(forces) < 2.0 * half_range * ROD
     assert np.abs(np.diff(forces)).max() < 1.2 * half_range * ROD
 
@@ -156,16 +159,13 @@ def test_a_rod_drawn_across_the_face_meets_no_steps(cell: float, half_range: flo
 @pytest.mark.slow
 @both
 def test_a_run_claims_what_its_rod_is_off(model: str) -> None:
-    """At ten places and depths on default cells nine of ten claims hold, and they are no more than a fifth of the
-    force."""
+    """At six places and depths on default cells every claim holds, and is no more than a fifth of the force."""
     random = np.random.default_rng(23)
-    held = 0
-    for _ in range(10):
+    for _ in range(6):
         place, depth = tuple(random.uniform(-0.011, 0.011, 2).tolist()), float(random.uniform(0.0015, 0.005))
         force, claim = claimed(place, depth, model)
         assert 0.0 < claim < 0.2 * force
-        held += abs(force - right_force(depth)) < claim
-    assert held >= 9
+        assert abs(force - right_force(depth)) < claim
 
 
 def claimed(place: tuple[float, float], depth: float, model: str) -> tuple[float, float]:
