@@ -78,13 +78,18 @@ def measure(scene: Scene, clock: Clock, warm: int, steps: int) -> tuple[float, f
     return spent, kernels, finding
 
 
-def main(which: str) -> None:
-    clock = Clock()
+def put_on(clock: Clock) -> None:
+    """Have the kernels of piles run on the clock."""
     of_pile.advance_bodies = clock.timed(of_pile.advance_bodies)
-    pile.advance_touching = clock.timed(pile.advance_touching)
+    vars(pile)["advance_touching"] = clock.timed(vars(pile)["advance_touching"])
     for name in FINDING:
         setattr(between, name, clock.timed(getattr(between, name), finding=True))
     TwoThreads.run = clock.timed(TwoThreads.run)  # type: ignore[method-assign]
+
+
+def main(which: str) -> None:
+    clock = Clock()
+    put_on(clock)
     if which == "apart":
         for count in COUNTS:
             spent, kernels, _ = measure(cubes(count, 2, duration=2.0), clock, WARM, STEPS)

@@ -17,13 +17,11 @@ from typing import Any
 from softseam_protocol.scene.file import bundle_scene
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
-from softseam_services.pbd import between, pile
-from softseam_services.pbd.kernels import pile as of_pile
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from benchmarks.piles import Clock, put_on
 from cubes import EDGE  # beside the tests
-from piles import Clock
 from trays import GAP, MATERIAL, awake, tray
 
 SIDES = 2, 3, 5
@@ -54,9 +52,7 @@ def measure(side: int, cells: int, gap: float, sleep: bool, clock: Clock) -> tup
 
 def main(cells: int, gap: float) -> None:
     clock = Clock()
-    of_pile.advance_bodies = clock.timed(of_pile.advance_bodies)
-    pile.advance_group = clock.timed(pile.advance_group)
-    between.find_rows, between.find_groups = clock.timed(between.find_rows), clock.timed(between.find_groups)
+    put_on(clock)
     for side in SIDES:
         for sleep in (False, True):
             kernels, python, n_awake = measure(side, cells, gap, sleep, clock)

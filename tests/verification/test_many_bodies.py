@@ -85,7 +85,8 @@ def test_what_a_body_is_pushed_with_is_what_its_momentum_gains(model: str, off: 
     }
     of = scene(bodies, gravity=[0, 0, 0], duration=0.5, regions={"default": model}, tools={})
     seen = run(of)
-    pushed = 0.005 * sum(np.array(one.interfaces["a+b"].total) for one in seen if "a+b" in one.interfaces)
+    forces = [one.interfaces["a+b"].total for one in seen if "a+b" in one.interfaces]
+    pushed = 0.005 * np.sum(forces, axis=0)
     mass = DENSITY * EDGE**3
     gained = [_momentum(seen, name, mass) for name in "ab"]
     np.testing.assert_allclose(gained[0] - [0.5 * mass, 0.0, 0.0], pushed, atol=off * 0.5 * mass)

@@ -25,6 +25,9 @@ RESTS = 100
 GROUND, PLATE = 0, 1
 """places of tools, by their names"""
 
+_RULES: tuple[dict[str, Any], ...] = {"sleep": "calm"}, {}
+"""with sleep, and without"""
+
 
 def reports(of: Scene) -> list[StepReport]:
     with softseam.open(of) as sim:
@@ -162,7 +165,7 @@ def test_a_slow_press_wakes_what_is_below() -> None:
     moves = ({"tools": ["plate"], "move": [0, 0, -way], "speed": speed} for way, speed in ((0.004, 0.1), (0.002, 1e-3)))
     motion = [{"hold": 0.4}, *moves]
     found = []
-    for keys in ({"sleep": "calm"}, {}):
+    for keys in _RULES:
         with softseam.open(tray((1, 1, 2), {"plate": plate}, motion=motion, duration=None, **keys)) as sim:
             sim.reset(seed=0)
             seen = []
@@ -191,7 +194,7 @@ def test_what_is_hit_wakes_before_it_is_hit(velocity: tuple[float, float, float]
     tools = {"ground": {"kind": "plane", "friction": 0.1}}
     touch = {"touch": {"kind": "contact", "between": ["comes", "rests"], "friction": 0.3}}
     found = []
-    for keys in ({"sleep": "calm"}, {}):
+    for keys in _RULES:
         with softseam.open(scene_of(bodies, interfaces=touch, tools=tools, duration=0.45, **keys)) as sim:
             sim.reset(seed=0)
             seen = []
@@ -212,7 +215,7 @@ def test_what_grips_feels_as_without_sleep() -> None:
     """One of fifteen that stand close is gripped and lifted past two others: forces of the plates, along the grip and
     upwards, and of the ground are those of the run without sleep within 1 % of their largest, in every step."""
     found = []
-    for keys in ({"sleep": "calm"}, {}):
+    for keys in _RULES:
         with softseam.open(gripped((3, 5, 1), **keys)) as sim:
             sim.reset(seed=0)
             seen = []
@@ -221,11 +224,7 @@ def test_what_grips_feels_as_without_sleep() -> None:
         found.append(seen)
     counts = [len(awake(one.report)) for one in found[0]]
     assert min(counts) == 0 and 0 < max(counts[100:]) < 15
-    for of in (
-        lambda wrench: wrench["left"][0],
-        lambda wrench: wrench["left"][2] + wrench["right"][2],
-        lambda wrench: wrench["ground"][2],
-    ):
-        force = np.array([[of(one.wrench) for one in each[100:]] for each in found])
+    for tools, axis in ((("left",), 0), (("left", "right"), 2), (("ground",), 2)):
+        force = np.array([[sum(one.wrench[tool][axis] for tool in tools) for one in each[100:]] for each in found])
         assert np.abs(force[0] - force[1]).max() < 0.01 * np.abs(force[1]).max()
     assert found[0][-1].bodies["cube120"].positions[:, 2].min() > 0.025

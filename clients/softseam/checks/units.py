@@ -5,10 +5,9 @@ from collections.abc import Iterator
 
 from softseam.to_check import Written
 from softseam_protocol.scene.motion import HoldPhase
+from softseam_protocol.scene.scene import EARTH
 from softseam_protocol.scene.tools import PlaneTool
 
-_EARTH = 9.81
-"""[m/s^2]"""
 _STEEP = 0.02
 """cosine of gravity and a plane, up to which the plane holds nothing: a wall"""
 
@@ -16,7 +15,7 @@ _STEEP = 0.02
 def look(seen: Written) -> Iterator[str]:
     gravity = math.hypot(*seen.scene.gravity)
     if gravity > 100.0:  # no planet's
-        times = f"{gravity / _EARTH:.3g} times the earth's"
+        times = f"{gravity / EARTH:.3g} times the earth's"
         yield f"gravity: {gravity:.4g} m/s^2 is {times}; is it in m/s^2, not in mm/s^2?"
     elif gravity > 0.0 and not _stands(seen):
         yield (

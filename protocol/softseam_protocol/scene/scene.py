@@ -45,6 +45,9 @@ MOST_STEPS = 10_000_000
 AS_WRITTEN = "as written"
 """context of a dump in which bodies that repeat are once, with what is said of their copies"""
 
+EARTH = 9.81
+"""gravity there [m/s^2]"""
+
 
 class BudgetSpec(Spec):
     """What simulating may cost."""
@@ -68,7 +71,7 @@ class Scene(Spec):
         pattern=r"^[A-Za-z0-9_\-]+$",
         description="names recordings: letters, digits, _ and -",
     )
-    gravity: Vector = Field(default=(0.0, 0.0, -9.81), description="along x, y and z [m/s^2]")
+    gravity: Vector = Field(default=(0.0, 0.0, -EARTH), description="along x, y and z [m/s^2]")
     step: Positive = Field(default=0.01, le=1.0, description="macro step [s]")
     duration: Positive | None = Field(default=None, description="simulated time [s]; default: the end of the motion")
     seed: int = Field(default=0, ge=0)

@@ -77,10 +77,9 @@ MODEL = 7.5
 """c of PBD over 1 - 2 nu [1]: its error is measured with full quadrature, to which volume changes are dear"""
 MORE = 4.0
 """strain energy over that of the last look at which the end of a phase is looked at [1]"""
-_WELL = 1e-3
-"""and over shear modulus times volume: a strain of some 3 % [1]"""
-_HARDLY = 1e-3
-"""share of the largest strain energy at phases' ends below which a look tells nothing [1]"""
+_LITTLE = 1e-3
+"""of the largest strain energy at phases' ends, below which a look tells nothing, and of shear modulus times volume, a
+strain of some 3 % [1]"""
 _SLIGHT = 1e-14
 """and over shear modulus times volume: a strain of 1e-7, which rounding makes [1]"""
 _ENOUGH = 0.5
@@ -100,7 +99,7 @@ class ErrorEstimator:
             octants = self._body.octant_material
             volume = self._body.total_mass / self._body.mean_density
             stiffness = volume * min(material.mu for material in self._body.materials)
-            self._least, self._well = _SLIGHT * stiffness, _WELL * stiffness
+            self._least, self._well = _SLIGHT * stiffness, _LITTLE * stiffness
             self._whole = (self._body.fill > 0.999).all(axis=1) & (octants == octants[:, :1]).all(axis=1)
             self._model = model_shares(self._body)
         self.reset()
@@ -165,7 +164,7 @@ class ErrorEstimator:
                 energy = float(told[judged].sum())
                 mesh += energy
                 answer += MESH.get(self._element, UNMEASURED) * energy
-        least = max(_HARDLY * self._peak, self._least)
+        least = max(_LITTLE * self._peak, self._least)
         if not (np.isfinite([strain, mesh, model, answer]).all() and strain > least):
             return [time, 0.0, 0.0, 0.0, 0.0, 0.0]
         if not 0.0 < whole:

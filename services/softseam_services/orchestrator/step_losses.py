@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from softseam_coupling.kernels.bounces import follow_bounces
 from softseam_protocol.models import some_read
 from softseam_protocol.scene.models import DampingSpec
+from softseam_protocol.scene.scene import EARTH
 from softseam_services.server import Setup
 
 Floats = NDArray[np.float64]
@@ -25,8 +26,6 @@ LIMIT = 0.05
 """of an energy that steps may damp unsaid [1]"""
 _FALL = 0.1
 """of the body's length, over which it would fall to come so fast [1]"""
-_G = 9.81
-"""[m/s^2]"""
 _REST = 0.01
 """of the energy that it came with, below which a body is at rest [1]"""
 
@@ -85,7 +84,7 @@ class StepLosses:
 
 def _falling(setup: Setup) -> float:
     """Energy with which a body comes fast [J]."""
-    return _FALL * _G * setup.body.total_mass * float(np.ptp(setup.body.x_rest, axis=0).max())
+    return _FALL * EARTH * setup.body.total_mass * float(np.ptp(setup.body.x_rest, axis=0).max())
 
 
 def _loses_by_steps(setup: Setup) -> bool:
