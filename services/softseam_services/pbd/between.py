@@ -154,7 +154,7 @@ class Between:
             one, guest = (second, first) if first >= self._n_own else (first, second)
             ones += counts[one]
             n_nodes += counts[one] * min(counts[one], 32)
-            n_entries += 16 * counts[one] + 3 * counts[guest]
+            n_entries += 16 * counts[one] + 4 * counts[guest]
         met = [each if number in meets else _NO_FACES for number, each in enumerate(faces)]
         self._guests.make_room(len(pair), ones, n_nodes, n_entries, met)
 
