@@ -222,6 +222,24 @@ def test_an_even_pressure_stays_even_across_unlike_cells_of_two_models(cells: tu
         np.testing.assert_allclose(body.cauchy[..., 2], stress, rtol=2e-3)
 
 
+def test_a_guest_that_is_squeezed_between_a_pile_and_another_is_named() -> None:
+    """What the pile's rounds do not settle yet fails, and says what to do."""
+    bodies = {
+        name: cube()
+        | {"shape": {"kind": "block", "size": [EDGE, EDGE, EDGE / 2]}, "position": [0.0, 0.0, at * EDGE / 2]}
+        for at, name in enumerate(("lowest", "middle", "upper"))
+    }
+    bodies["lowest"]["regions"] = {"default": "pbd"}
+    press = {"kind": "plane", "point": [0.0, 0.0, 1.5 * EDGE], "normal": [0.0, 0.0, -1.0]}
+    data = {"softseam": 1, "name": "squeezed", "gravity": [0.0, 0.0, 0.0], "step": 0.01, "bodies": bodies}
+    data |= {"tools": {"ground": {"kind": "plane"}, "press": press}, "regions": {"default": "fem"}}
+    data["motion"] = [{"tools": ["press"], "move": [0.0, 0.0, -0.003], "speed": 0.03}]
+    data["contacts"] = {"friction": 0.5}
+    with softseam.open(Scene.model_validate(json.loads(json.dumps(data)))) as sim:
+        with pytest.raises(SoftseamError, match=r"middle.*upper.*do not agree.*shorten the step"):
+            sim.run()
+
+
 @MODELS
 def test_a_restored_contact_goes_on_with_the_same_bits(model: str) -> None:
     """From before it touches, and from while it slides."""

@@ -102,6 +102,12 @@ class Hosted:
             if not all(np.isfinite(move).all() for move in moves.values()):
                 raise StepDiverged("a guest's answer is not finite")
             corrects = all(reply.coupling.correctable for reply in replies.values())
+            if exchange == self._most and max(map(largest, moves.values())) > self._cell:
+                names = ", ".join(self.x)
+                raise StepDiverged(
+                    f"{names} and the pile that they touch do not agree within {exchange} exchanges: shorten the step, "
+                    "or give to pbd those that press on one another"
+                )
             if corrects and (exchange == self._most or self._are_known(moves, pushes, felt, exchange)):
                 replies = correct({name: Correction(pushes[name], felt[name]) for name in self.x})
                 return self._commit(replies, felt, moves, exchange, bool(expected))
