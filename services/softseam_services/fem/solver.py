@@ -58,7 +58,7 @@ class FemSolver:
         Neither has an integrator's history, so one that needs it begins with a step of midpoint.
         """
         self._body, self._region, self._n_tools, self._tool_set = body, region, len(tools.names), tools
-        self._models = scene.models
+        self._models, self._sleeps = scene.models, scene.sleep is not None
         self.tables = tables or RegionTables(body, region, tools, scene)
         self._reduction = reduction = self.tables.reduction
         self._solved = region if reduction is None else reduction.region
@@ -265,7 +265,7 @@ class FemSolver:
                 Figure.PASSING: self.times * float(self._next.passed[0] - self._committed.passed[0]),
                 Figure.GIVEN: self._stepper.given,
                 Figure.DISSIPATED: float(self._next.dissipated[0] - self._committed.dissipated[0]),
-                Figure.FASTEST: fastest(self._next.v),
+                **({Figure.FASTEST: fastest(self._next.v)} if self._sleeps else {}),
             },
             why=why,
             alarms={Detail.INSIDE_OUT: alarm} if alarm else {},

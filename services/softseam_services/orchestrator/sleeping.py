@@ -119,7 +119,7 @@ class Sleeping:
     @property
     def any(self) -> bool:
         """Whether one sleeps."""
-        return bool(self._known.asleep.any())
+        return self._rule is not None and bool(self._known.asleep.any())
 
     @property
     def names(self) -> list[str]:
