@@ -113,7 +113,9 @@ def test_friction_holds_on_a_slope_and_yields(model: str) -> None:
     slid = Run(scene(cube(position=[-0.008, 0.0, EDGE]), friction=0.2, tilt=SLOPE, duration=0.15, model=model))
     a, n = 9.81 * (np.sin(SLOPE) - 0.2 * np.cos(SLOPE)), len(slid.apart)
     ended = n * (n + 1 if model.startswith("fem") else n)
-    assert slid.apart[-1, 0] + 0.008 == pytest.approx(0.5 * a * 0.005**2 * ended, rel=0.012)
+    assert slid.apart[-1, 0] + 0.008 == pytest.approx(
+        0.5 * a * 0.005**2 * ended, rel=0.012 if " on " in model else 0.01
+    )
 
 
 @MODELS
@@ -168,8 +170,7 @@ def test_two_that_pass_each_other_feel_nothing(model: str) -> None:
 
 @MODELS
 def test_two_halves_are_pressed_as_the_whole(model: str) -> None:
-    """Between planes without friction: the same force within 1 %, 1.4 % of two models, for surfaces sink in by .8 % of
-    what cells do."""
+    """Between planes without friction: the same force within 1 %, for surfaces sink in by .8 % of what cells do."""
 
     def pressed(halves: bool) -> float:
         block = cube() | {"shape": {"kind": "block", "size": [EDGE, EDGE, EDGE / 2 if halves else EDGE]}}
@@ -193,7 +194,7 @@ def test_two_halves_are_pressed_as_the_whole(model: str) -> None:
         with softseam.open(Scene.model_validate(json.loads(json.dumps(data)))) as sim:
             return float(sim.run().report.wrench[1, 2])
 
-    assert pressed(halves=True) == pytest.approx(pressed(halves=False), rel=1.4e-2 if " on " in model else 1e-2)
+    assert pressed(halves=True) == pytest.approx(pressed(halves=False), rel=1e-2)
 
 
 @pytest.mark.parametrize("model", ["fem on pbd", "pbd on fem"])
