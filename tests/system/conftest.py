@@ -39,7 +39,7 @@ def bus(services: Services) -> Iterator[Bus]:
             end = time.monotonic() + 10.0
             while not _is_heard(opened, key):
                 assert time.monotonic() < end, key
-                time.sleep(0.01)
+                time.sleep(0.01)  # the pace of asking
         yield opened
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_client_session import CLOSE, SCENE
+from held_cube import CLOSE, SCENE
 
 import softseam
 from softseam.embedded import EmbeddedBackend

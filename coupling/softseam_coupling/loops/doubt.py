@@ -9,7 +9,7 @@ from softseam_coupling.loops.loop import largest
 
 Floats = NDArray[np.float64]
 
-__all__ = ["EXACT", "FIRST_DOUBT", "FORCE_EXCHANGES", "grown", "is_force_known", "is_linear_enough"]
+__all__ = ["EXACT", "FIRST_DOUBT", "FORCE_EXCHANGES", "UNCORRECTED", "grown", "is_force_known", "is_linear_enough"]
 
 FIRST_DOUBT = 0.3
 """kappa of a part of which nothing is known [1]"""
@@ -24,6 +24,8 @@ FORCE_EXCHANGES = 4
 EXACT = 1e-8
 """share of the tolerance to which the gaps are closed linearly; moves below it are rounding: they measure no kappa, and
 stand for no force [1]"""
+UNCORRECTED = 0.5
+"""share of the tolerance within which parts agree that cannot be corrected: their gap stays, and does work [1]"""
 
 
 def grown(kappa: float) -> float:

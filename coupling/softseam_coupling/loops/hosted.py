@@ -18,6 +18,7 @@ from softseam_coupling.loops.doubt import (
     EXACT,
     FIRST_DOUBT,
     FORCE_EXCHANGES,
+    UNCORRECTED,
     grown,
     is_force_known,
     is_linear_enough,
@@ -111,7 +112,7 @@ class Hosted:
             if corrects and (exchange == self._most or self._are_known(moves, pushes, felt, exchange)):
                 replies = correct({name: Correction(pushes[name], felt[name]) for name in self.x})
                 return self._commit(replies, felt, moves, exchange, bool(expected))
-            if not corrects and not any(largest(move) > 0.5 * self._tolerance for move in moves.values()):
+            if not corrects and not any(largest(move) > UNCORRECTED * self._tolerance for move in moves.values()):
                 return self._commit(replies, held, moves, exchange, bool(expected))
             expected = {name: (replies[name].coupling.x + moves[name], moves[name]) for name in self.x}
             held = felt

@@ -33,6 +33,7 @@ from softseam_coupling.loops.doubt import (
     EXACT,
     FIRST_DOUBT,
     FORCE_EXCHANGES,
+    UNCORRECTED,
     grown,
     is_force_known,
     is_linear_enough,
@@ -58,8 +59,6 @@ from softseam_protocol.messages.participant import Advanced, Capabilities
 Floats = NDArray[np.float64]
 
 _NONE = np.zeros((0, 0))
-_UNCORRECTED = 0.5
-"""share of the tolerance within which parts agree that cannot be corrected: their gap stays, and does work [1]"""
 _STALE, _LEAST_AGE = 0.5, 24
 """a part's compliance is found anew after a step that was redone, where its kappa is larger [1] and it is so old"""
 
@@ -196,7 +195,7 @@ class OneWay:
                     places = {name: x[name] + moves[name] - misses.get(name, 0.0) for name in x}
                     self._commit(replies, found, places, exchange, bool(before))
                     return self._outcome(correct(corrections, self._first), found, exchange)
-            elif size <= _UNCORRECTED * self._setup.tolerance:
+            elif size <= UNCORRECTED * self._setup.tolerance:
                 self._commit(replies, multipliers, x, exchange, bool(before))
                 return self._outcome(replies, multipliers, exchange)
             if exchange < most:
