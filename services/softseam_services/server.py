@@ -4,6 +4,7 @@ The order of requests is the protocol's (`softseam_protocol.participant.requests
 """
 
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -49,8 +50,8 @@ class Setup:
     why: str = ""
     """why they name this model, where the scene itself names none"""
 
-    def touched(self, others: float) -> SampledFaces:
-        """Its surface as a pile touches it, whose nodes are so far from one another [m]. Raises SettingError where
+    def touched(self, others: float = math.inf) -> SampledFaces:
+        """Its surface as other bodies touch it, whose nodes are so far from one another [m]. Raises SettingError where
         there is none."""
         model = self.scene.regions.default
         assert self.body.has_cells and model is not None

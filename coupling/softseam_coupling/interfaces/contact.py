@@ -1,18 +1,25 @@
-"""Contact between two bodies: points of each press on faces of the other, with Coulomb's friction.
+"""Contact between two bodies: patches of one press on faces of the other, with Coulomb's friction.
 
-A point of one body at x_p is from the nearest face of the other, that looks towards it, g = n . (x_p - sum_i s_i x_i)
-away, with the face's corners x_i, the weights s of the nearest place, and the normal n there: where both will be if
-they go on as in the last step, kept over the step. It presses with p = -r g where that is positive (docs/decisions/19),
-across it sticks to where it was, or slides. Points of both bodies do so, each with half of the area it stands for, and
-less where it is beside the other's faces, none at half of the spacing:
+Of the body whose nodes are closer points q are *sampled*, as close as its functions ask for (`Surface`). Each, of area
+a_q, is from the nearest triangle of the other that looks towards it a way d_q from the foot there: where both will be
+if they go on as in the last step, kept over the step. One that is beside the faces counts less, none at half of the
+spacing. The other's nodes are farther apart than these points: alone each would ask for a force of its own. So points
+are gathered by the weights t_qi of the places i of nodes around their feet (a mortar with lumped multipliers):
 
-    C = 1/r = 2/A (y_a + y_b),   y = h/(60 E)                                                                      (1)
+    A_i = sum_q a_q t_qi,   w_qi = a_q t_qi/A_i,   d_i = sum_q w_qi d_q,   n_i ~ sum_q w_qi n_q                   (1)
 
-of the bodies' spacing h and modulus E. What sticks is stretched by C t at its force t: a step's offset is
+and patch i presses with p = -r g where g = n_i . d_i is negative (docs/decisions/19), across it sticks to where it was,
+or slides:
 
-    T (x_p - sum_i s_i x_i) + C t_0,   T = 1 - n n^T                                                               (2)
+    C = 1/r = (y_a + y_b)/A_i,   y = h/(60 E)                                                                      (2)
 
-as it begins, with the force t_0 that the point had then, so that nothing creeps under a force that stays.
+of the bodies' spacing h and modulus E. Its force goes to the points and to their feet by the same weights: an even
+pressure puts on the nodes of both what their functions say, however unlike their cells. What sticks is stretched by C t
+at its force t: a step's offset is
+
+    T d_i + C t_0,   T = 1 - n n^T                                                                                 (3)
+
+as it begins, with the force t_0 that the patch had then, so that nothing creeps under a force that stays.
 """
 
 from collections.abc import Mapping
@@ -20,8 +27,9 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
-from softseam_coupling.interfaces.kind import Meeting, Pair, Rows
+from softseam_coupling.interfaces.kind import Ids, Meeting, Pair, Rows, Surface
 from softseam_coupling.kernels.nearest_face import nearest_faces, point_normals
 
 Floats = NDArray[np.float64]
@@ -29,6 +37,8 @@ Ints = NDArray[np.int32]
 
 REACH = 0.5
 """of the points' spacing: so near a face a point may touch it in a step, and so far beside it a point counts [1]"""
+_LEAST = 1e-6
+"""of the largest patch's area: smaller ones are none [1]"""
 
 
 class Rubs(Protocol):
@@ -47,6 +57,7 @@ class Contact:
     """See the module."""
 
     def __init__(self, spec: Rubs, a: Meeting, b: Meeting) -> None:
+        surfaces = []
         for name, one in zip(spec.between, (a, b), strict=True):
             if one.surface is None:
                 raise ValueError(
@@ -58,68 +69,70 @@ class Contact:
                     "or a near region joins or cuts it, or whom it touches: leave that out, or give both bodies "
                     "`regions: {default: fem}`"
                 )
-        self._friction, self._sides = spec.friction, (_Side(a), _Side(b))
-        self.nodes = self._sides[0].free, self._sides[1].free
-        self._counts = tuple(len(side.surface.nodes) for side in self._sides)
-        self._yield = sum(side.surface.yields for side in self._sides)
-        self._force = np.zeros((sum(self._counts), 3))  # of each point, on its own body [N]
-        self._x = self._sides[0].rest, self._sides[1].rest
+            surfaces.append(one.surface())
+        first, second = surfaces
+        self._fine = 0 if first.spacing < second.spacing else 1
+        """which of the two is sampled"""
+        self._friction, self._surfaces = spec.friction, (first, second)
+        self.nodes = first.nodes, second.nodes
+        self._yield = first.yields + second.yields
+        self._reach = REACH * min(first.spacing, second.spacing)
+        self._force = np.zeros((len(surfaces[1 - self._fine].area), 3))  # of each patch, on the first body [N]
+        self._x = a.x_rest[first.nodes], b.x_rest[second.nodes]
         self._v = np.zeros_like(self._x[0]), np.zeros_like(self._x[1])
         self._ids = np.zeros(0, dtype=np.int64)
-        """points whose rows were made last"""
+        """patches whose rows were made last"""
 
     def rows(self, x: Pair, dt: float) -> Rows:
-        spacing = min(side.surface.spacing for side in self._sides)
-        at = [side.all(own) for side, own in zip(self._sides, x, strict=True)]
-        to = [side.all(own + dt * v) for side, own, v in zip(self._sides, x, self._v, strict=True)]
-        found = [self._of(own, at, to, spacing) for own in (0, 1)]
-        self._ids = np.concatenate([each[0] for each in found])
-        weights = tuple(np.concatenate([each[1][side] for each in found]) for side in (0, 1))
-        gap, normal, area = (np.concatenate([each[k] for each in found]) for k in (2, 3, 4))
-        compliance = 2.0 * self._yield / area
-        before = self._force[self._ids]
-        before[len(found[0][0]) :] *= -1.0  # on the first body
-        offset = _across(gap + compliance[:, None] * before, normal)
-        fixed = gap - (weights[0] @ x[0] - weights[1] @ x[1])  # by nodes that are clamped
-        friction = np.full(len(gap), self._friction)
-        return Rows((weights[0], weights[1]), offset - fixed, compliance, normal, friction, self._ids)
+        sampled, other = self._surfaces[self._fine], self._surfaces[1 - self._fine]
+        to = [side.places(own + dt * v) for side, own, v in zip(self._surfaces, x, self._v, strict=True)]
+        points, faces = to[self._fine], to[1 - self._fine]
+        close, face, foot, area, facing = self._near(sampled, points, other, faces)
+        if not len(close):
+            self._ids = close
+            return _no_rows(x)
+        theirs, clamped = other.within(face, foot)
+        ways = sampled.places(x[self._fine])[close] - theirs @ x[1 - self._fine] - clamped
+        gathered = area[:, None] * _shares(other, face, foot)
+        total = np.asarray(gathered.sum(axis=0))
+        normal = gathered.T @ facing
+        length = np.linalg.norm(normal, axis=1)
+        self._ids = np.flatnonzero((total > _LEAST * total.max()) & (length > _LEAST * total))
+        total, sign = total[self._ids], 1.0 if self._fine == 0 else -1.0
+        weights = csr_array((gathered[:, self._ids] / total).T)
+        gap, normal = sign * (weights @ ways), sign * normal[self._ids] / length[self._ids, None]
+        of_fine, of_other = (weights @ csr_array(sampled.weights)[close]).toarray(), (weights @ theirs).toarray()
+        pair = (of_fine, of_other) if self._fine == 0 else (of_other, of_fine)
+        compliance = self._yield / total
+        offset = _across(gap + compliance[:, None] * self._force[self._ids], normal)
+        fixed = gap - (pair[0] @ x[0] - pair[1] @ x[1])  # by nodes that are clamped
+        friction = np.full(len(total), self._friction)
+        return Rows(pair, offset - fixed, compliance, normal, friction, self._ids)
 
-    def _of(
-        self, own: int, at: list[Floats], to: list[Floats], spacing: float
-    ) -> tuple[NDArray[np.int64], Pair, Floats, Floats, Floats]:
-        """Rows of the points of one body, which go from `at` to `to` or so: ids, weights, ways and normals from the
-        second body to the first (c, 3), areas (c,) [m^2]."""
-        side, other = self._sides[own], self._sides[1 - own]
-        points, faces, reach = to[own], to[1 - own], REACH * spacing
-        close = _within(points, faces, reach)
+    def _near(
+        self, sampled: Surface, points: Floats, other: Surface, faces: Floats
+    ) -> tuple[Ids, Ids, Floats, Floats, Floats]:
+        """Sampled points that may touch: their numbers, triangles, weights of the corners of these in the feet (n, 3),
+        areas (n,) [m^2], and normals out of the triangles (n, 3)."""
+        close = _within(points, faces, self._reach)
         n = len(close)
         face, share, beside, normal = np.empty(n, dtype=np.int64), np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3))
         if n:
             out = np.empty_like(points)
-            point_normals(points, side.surface.triangles, out)
+            point_normals(points, sampled.triangles, out)
             nearest_faces(
-                *(points[close], out[close], faces, other.surface.triangles, reach, reach),
+                *(points[close], out[close], faces, other.triangles, self._reach, self._reach),
                 *(face, share, beside, normal),
             )
-        covered = 1.0 - beside / reach
+        covered = 1.0 - beside / self._reach
         met = np.flatnonzero((face >= 0) & (covered > 0.0))
-        close, face, share, normal = close[met], face[met], share[met], normal[met]
-        corners = other.surface.triangles[face]
-        away = at[own][close] - np.einsum("ck,cki->ci", share, at[1 - own][corners])
-        sign = 1.0 if own == 0 else -1.0
-        mine, theirs = np.zeros((len(close), len(side.free))), np.zeros((len(close), len(other.free)))
-        rows = np.arange(len(close))
-        _put(mine, rows, side.place[close], np.ones(len(close)))
-        for k in range(3):
-            _put(theirs, rows, other.place[corners[:, k]], share[:, k])
-        ids = close.astype(np.int64) + (0 if own == 0 else self._counts[0])
-        pair = (mine, theirs) if own == 0 else (theirs, mine)
-        return ids, pair, sign * away, sign * normal, covered[met] * side.surface.area[close]
+        close, face, normal = close[met], face[met], normal[met]
+        foot = _feet(points[close], faces[other.triangles[face]])
+        return close, face, foot, covered[met] * sampled.area[close], normal
 
     def commit(self, x: Pair, multipliers: Floats, dt: float) -> None:
         self._force[:] = 0.0
-        sign = np.where(self._ids < self._counts[0], 1.0, -1.0)
-        self._force[self._ids] = sign[:, None] * multipliers
+        self._force[self._ids] = multipliers
         self._v = (x[0] - self._x[0]) / dt, (x[1] - self._x[1]) / dt
         self._x = x[0].copy(), x[1].copy()
 
@@ -135,38 +148,39 @@ class Contact:
         self._v = found["v_a"], found["v_b"]
 
 
-class _Side:
-    """A body in contact, p points of which some are clamped."""
-
-    def __init__(self, meeting: Meeting) -> None:
-        assert meeting.surface is not None
-        self.surface = meeting.surface
-        nodes = self.surface.nodes
-        free = ~meeting.fixed[nodes]
-        self.free = np.sort(nodes[free]).astype(np.int32)
-        """nodes that may move, ascending (n,)"""
-        self.place = np.where(free, np.searchsorted(self.free, nodes), -1)
-        """place of each point among them, -1 of a clamped one (p,)"""
-        self._at_rest = meeting.x_rest[nodes]
-        self.rest = meeting.x_rest[self.free]
-
-    def all(self, x: Floats) -> Floats:
-        """Where all points are, with the free nodes at x (n, 3) [m] (p, 3)."""
-        if not len(x):
-            return self._at_rest
-        return np.where(self.place[:, None] >= 0, x[self.place], self._at_rest)
+def _no_rows(x: Pair) -> Rows:
+    """Of bodies with their nodes at x."""
+    a, b = (np.zeros((0, len(own))) for own in x)
+    none = np.zeros((0, 3))
+    return Rows((a, b), none, np.zeros(0), none, np.zeros(0), np.zeros(0, dtype=np.int64))
 
 
-def _within(points: Floats, others: Floats, reach: float) -> NDArray[np.int64]:
+def _within(points: Floats, others: Floats, reach: float) -> Ids:
     """Numbers of points (p, 3) no farther than reach [m] from the box around others (q, 3)."""
     low, high = others.min(axis=0) - reach, others.max(axis=0) + reach
     return np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
 
 
-def _put(weights: Floats, rows: NDArray[np.int64], places: NDArray[np.int64], share: Floats) -> None:
-    """Add shares (c,) at places of rows (c,), where these are not clamped."""
-    moves = places >= 0
-    np.add.at(weights, (rows[moves], places[moves]), share[moves])
+def _feet(points: Floats, corners: Floats) -> Floats:
+    """Weights (n, 3) of the corners (n, 3, 3) of triangles in the feet of points (n, 3) on their planes, which may be
+    outside: there force and reaction are on one line."""
+    b, c, p = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
+    bb, bc, cc, pb, pc = (np.einsum("nk,nk->n", *pair) for pair in ((b, b), (b, c), (c, c), (p, b), (p, c)))
+    size = bb * cc - bc * bc
+    second, third = (cc * pb - bc * pc) / size, (bb * pc - bc * pb) / size
+    return np.stack([1.0 - second - third, second, third], axis=1)
+
+
+def _shares(surface: Surface, face: Ids, foot: Floats) -> Floats:
+    """Weights t (n, p) of the places of nodes around feet with weights (n, 3) in triangles (n,), none negative."""
+    within = np.maximum(foot, 0.0)
+    within /= within.sum(axis=1, keepdims=True)
+    corners = surface.triangles[face]
+    found = np.zeros((len(face), len(surface.area)))
+    rows = np.arange(len(face))[:, None]
+    for k in range(3):
+        np.add.at(found, (rows, surface.among[corners[:, k]]), within[:, k, None] * surface.part[corners[:, k]])
+    return found
 
 
 def _across(vectors: Floats, normal: Floats) -> Floats:

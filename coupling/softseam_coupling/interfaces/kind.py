@@ -1,11 +1,12 @@
 """What a kind of interface between two bodies brings: rows, made anew as each step begins."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -14,7 +15,7 @@ Mask = NDArray[np.bool_]
 Pair = tuple[Floats, Floats]
 """of the nodes of the first body and of the second (n_a, 3), (n_b, 3)"""
 
-__all__ = ["Faces", "Kind", "Meeting", "Rows"]
+__all__ = ["Faces", "Kind", "Meeting", "Rows", "Surface"]
 
 _NONE, _NO_ROWS = np.zeros(0), np.zeros((0, 3))
 
@@ -37,6 +38,49 @@ class Faces:
     """of the points at rest (p, 3) [m]"""
 
 
+class Surface(Protocol):
+    """A closed surface of p points that follow nodes of a body, of which s may move, t triangles between them."""
+
+    @property
+    def nodes(self) -> Ints:
+        """That the points follow, ascending, but for those that are clamped (s,)."""
+
+    @property
+    def weights(self) -> csr_array:
+        """By which they do (p, s) [1]."""
+
+    @property
+    def triangles(self) -> Ints:
+        """Points, counter-clockwise from outside (t, 3)."""
+
+    @property
+    def area(self) -> Floats:
+        """That each point stands for (p,) [m^2]."""
+
+    @property
+    def among(self) -> Ints:
+        """Points at places of nodes, between which each is (p, 4)."""
+
+    @property
+    def part(self) -> Floats:
+        """And how much it is of each, by how near (p, 4) [1]."""
+
+    @property
+    def spacing(self) -> float:
+        """Of the nodes [m]."""
+
+    @property
+    def yields(self) -> float:
+        """How far it sinks in under a pressure [m/Pa]."""
+
+    def places(self, x: Floats) -> Floats:
+        """Of the points, with the nodes at x (s, 3) [m] (p, 3)."""
+
+    def within(self, triangle: Ids, share: Floats) -> tuple[csr_array, Floats]:
+        """Weights (q, s) by which places in these triangles (q,), with shares (q, 3) in their corners, follow the
+        nodes, and what clamped nodes add (q, 3) [m]."""
+
+
 @dataclass(frozen=True)
 class Meeting:
     """A body as an interface meets it: N nodes."""
@@ -45,8 +89,8 @@ class Meeting:
     """(N, 3) [m]"""
     fixed: Mask
     """clamped ones, which no interface moves (N,)"""
-    surface: Faces | None = None
-    """None of a surface that runs through cells"""
+    surface: Callable[[], Surface] | None = None
+    """what makes it; None of a surface that runs through cells"""
     forces_at_end: bool = True
     """whether its model's contact forces act as a step ends, see `MODELS`"""
 

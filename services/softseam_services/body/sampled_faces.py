@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from softseam_protocol.scene.kinds import Functions
@@ -19,6 +20,8 @@ from softseam_services.body.interpolate import FUNCTION_NUMBER
 from softseam_services.body.kernels.shape_functions import fill_weights
 from softseam_services.body.outer_faces import FACE_NODES, is_covered_by_faces
 from softseam_services.tools.kernels import DENSE
+
+Numbers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -43,13 +46,35 @@ class SampledFaces:
     """of the nodes [m]"""
     yields: float
     """how far the surface sinks in under a pressure [m/Pa]"""
+    functions: int
+    """by which places within triangles follow nodes, as `fill_weights` takes it"""
+    cell: Ints
+    """of each triangle (t,)"""
+    corner: Floats
+    """local coordinates of its corners there (t, 3, 3)"""
+    follows: Ints
+    """numbers of the cells' nodes: of those in `nodes`, then of the clamped ones, one for all others (c, 27)"""
+    rests: Floats
+    """where clamped ones are (k, 3) [m]"""
 
     def places(self, x: Floats) -> Floats:
         """Of the points, with the nodes at x (s, 3) [m] (p, 3)."""
         return np.asarray(self.weights @ x) + self.clamped
 
+    def within(self, triangle: Numbers, share: Floats) -> tuple[csr_array, Floats]:
+        """Weights (q, s) by which places in these triangles (q,), with shares (q, 3) in their corners, follow the
+        nodes, and what clamped nodes add (q, 3) [m]: as the cell's functions say, not their values at the points."""
+        q, s = len(triangle), len(self.nodes)
+        local = np.einsum("qk,qki->qi", share, self.corner[triangle])
+        indptr = np.zeros(q + 1, dtype=np.int32)
+        node, weight = np.empty(27 * q, dtype=np.int32), np.empty(27 * q)
+        count = fill_weights(local, self.cell[triangle], self.follows, self.functions, indptr, node, weight)
+        end = s + len(self.rests)
+        found = csr_array((weight[:count], node[:count], indptr), shape=(q, end + 1))
+        return csr_array(found[:, :s]), np.asarray(found[:, s:end] @ self.rests)
 
-def sampled_faces(body: Body, functions: Functions, others: float) -> SampledFaces:
+
+def sampled_faces(body: Body, functions: Functions, others: float = math.inf) -> SampledFaces:
     """Of a body in hexahedra, interpolated so, that touches nodes which are so far from one another [m]. Raises
     SettingError where its surface runs through cells."""
     if body.tetrahedra or not is_covered_by_faces(body):
@@ -63,6 +88,7 @@ def sampled_faces(body: Body, functions: Functions, others: float) -> SampledFac
     follows = csr_array((weight[:count], node[:count], indptr), shape=(len(local), body.n_nodes))
     rest = np.asarray(follows @ body.x_rest)
     # points that faces share are one, but at an edge, where each face looks its own way
+    points = quads
     key = np.column_stack([np.rint(rest * (1e6 / body.resolution)), side])
     _, one, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
     number = number.ravel()
@@ -72,10 +98,15 @@ def sampled_faces(body: Body, functions: Functions, others: float) -> SampledFac
     of_face = 0.5 * np.linalg.norm(spread, axis=1).reshape(-1, (2 * panels) ** 2).sum(axis=1)
     area = np.zeros(len(rest))
     np.add.at(area, number, np.outer(of_face, np.outer(simpson, simpson)).ravel())
-    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
+    halves = np.array([[0, 1, 2], [0, 2, 3]])
+    triangles = np.concatenate([quads[:, half] for half in halves]).astype(np.int32)
+    corners = np.concatenate([points[:, half] for half in halves])
     used = np.unique(follows.tocoo().col[follows.tocoo().data != 0.0])
     free = used[~body.fixed[used]]
     clamped = np.asarray(follows[:, body.fixed] @ body.x_rest[body.fixed])
+    held = np.flatnonzero(body.fixed)
+    number_of = np.full(body.n_nodes, len(free) + len(held), dtype=np.int32)
+    number_of[free], number_of[held] = np.arange(len(free)), len(free) + np.arange(len(held))
     spacing = 0.5 * body.resolution
     softest = min(material.young for material in body.materials)
     return SampledFaces(
@@ -88,6 +119,11 @@ def sampled_faces(body: Body, functions: Functions, others: float) -> SampledFac
         part[one],
         spacing,
         spacing / (DENSE * softest),
+        FUNCTION_NUMBER[functions],
+        cell[corners[:, 0]],
+        local[corners],
+        number_of[body.cell_nodes],
+        body.x_rest[held],
     )
 
 

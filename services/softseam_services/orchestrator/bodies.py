@@ -5,7 +5,6 @@ A step of theirs is a recipe: wake, climb, advance every island, and once it is 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import partial
@@ -79,7 +78,7 @@ class Bodies:
         within = {name for pile in self._piles.values() for name in pile.contact_names}
         self._interfaces = interfaces_of(scene, setups, within)
         guests = [name for pile in self._piles.values() for name in pile.guests]
-        self._touched = {name: setups[name].touched(math.inf).nodes for name in guests}
+        self._touched = {name: setups[name].touched().nodes for name in guests}
         self.named = {
             name: self._ladders[name].begin() if name in self._ladders else self._simulated(name, bundle, setup)
             for name, setup in setups.items()

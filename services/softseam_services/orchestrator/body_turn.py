@@ -131,7 +131,7 @@ class BodyTurn:
     def turned_with(self, replies: Mapping[str, Advanced], turn: Floats, shift: Floats) -> dict[str, Advanced]:
         """The replies where the body is given this angular velocity about its centre [rad/s], and velocity [m/s]."""
         mass, centre = self._sums[MASS], self._sums[PLACE:MOTION] / self._sums[MASS]
-        self._change = self._change + np.concatenate([turn, shift])
+        self._change, self._turns = self._change + np.concatenate([turn, shift]), True
         self._sums[MOTION:ANGULAR] += mass * shift
         self._sums[ANGULAR:SECOND] += np.linalg.inv(spin_and_inverse(self._sums)[1]) @ turn + mass * np.cross(
             centre, shift

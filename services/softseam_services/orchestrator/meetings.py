@@ -5,12 +5,13 @@ from typing import cast
 from softseam_coupling.interfaces import Meeting
 from softseam_protocol.models import facts_of
 from softseam_services.body.body import Body
-from softseam_services.body.contact_faces import faces_of
+from softseam_services.body.outer_faces import is_covered_by_faces
 from softseam_services.server import Setup
 
 
 def meeting_of(setup: Setup) -> Meeting:
-    """Of a body in cells; with its surface where that is nodes."""
+    """Of a body in cells; with its surface where that is faces of them."""
     body, model = cast(Body, setup.body), setup.scene.regions.default
     assert model is not None  # a setup names one
-    return Meeting(body.x_rest, body.fixed, faces_of(body), facts_of(model).forces_at_end)
+    faces = not body.tetrahedra and is_covered_by_faces(body)
+    return Meeting(body.x_rest, body.fixed, setup.touched if faces else None, facts_of(model).forces_at_end)
