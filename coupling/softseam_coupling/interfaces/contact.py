@@ -61,7 +61,7 @@ class Contact:
         for name, one in zip(spec.between, (a, b), strict=True):
             if one.surface is None:
                 raise ValueError(
-                    f"contact does not meet the surface of {name!r} yet, which runs through cells: take a block"
+                    f"contact does not meet {name!r} yet, whose cells are tetrahedra: take a block, or a closed surface"
                 )
             if not one.forces_at_end:
                 raise ValueError(
@@ -77,7 +77,7 @@ class Contact:
         self.nodes = first.nodes, second.nodes
         self._yield = first.yields + second.yields
         self._reach = REACH * min(first.spacing, second.spacing)
-        self._force = np.zeros((len(surfaces[1 - self._fine].area), 3))  # of each patch, on the first body [N]
+        self._force = np.zeros((surfaces[1 - self._fine].n_patches, 3))  # of each patch, on the first body [N]
         self._x = a.x_rest[first.nodes], b.x_rest[second.nodes]
         self._v = np.zeros_like(self._x[0]), np.zeros_like(self._x[1])
         self._ids = np.zeros(0, dtype=np.int64)
@@ -118,16 +118,18 @@ class Contact:
         n = len(close)
         face, share, beside, normal = np.empty(n, dtype=np.int64), np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3))
         if n:
-            out = np.empty_like(points)
-            point_normals(points, sampled.triangles, out)
+            out = _normals(sampled, points)
+            out = np.einsum("qk,qki->qi", sampled.upon_share[close], out[sampled.upon[close]])
             nearest_faces(
-                *(points[close], out[close], faces, other.triangles, self._reach, self._reach),
+                *(points[close], out, faces, other.triangles, self._reach, self._reach),
                 *(face, share, beside, normal),
             )
         covered = 1.0 - beside / self._reach
         met = np.flatnonzero((face >= 0) & (covered > 0.0))
         close, face, normal = close[met], face[met], normal[met]
         foot = _feet(points[close], faces[other.triangles[face]])
+        if len(close) and other.rounded.any():
+            normal = _round(other, faces, face, share[met], normal)
         return close, face, foot, covered[met] * sampled.area[close], normal
 
     def commit(self, x: Pair, multipliers: Floats, dt: float) -> None:
@@ -171,12 +173,27 @@ def _feet(points: Floats, corners: Floats) -> Floats:
     return np.stack([1.0 - second - third, second, third], axis=1)
 
 
+def _normals(surface: Surface, points: Floats) -> Floats:
+    """Unit vectors out of a surface with its points there (p, 3), at these (p, 3)."""
+    found = np.empty_like(points)
+    point_normals(points, surface.triangles, found)
+    return found
+
+
+def _round(surface: Surface, points: Floats, face: Ids, share: Floats, normal: Floats) -> Floats:
+    """Normals (n, 3) of triangles (n,) at places with weights of their corners (n, 3), where the surface is rounded."""
+    corners = _normals(surface, points)[surface.triangles[face]]
+    corners = np.where(surface.rounded[face][:, :, None], corners, normal[:, None])
+    found = np.einsum("nk,nki->ni", share, corners)
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+
+
 def _shares(surface: Surface, face: Ids, foot: Floats) -> Floats:
-    """Weights t (n, p) of the places of nodes around feet with weights (n, 3) in triangles (n,), none negative."""
+    """Weights t (n, patches) of the places around feet with weights (n, 3) in triangles (n,), none negative."""
     within = np.maximum(foot, 0.0)
     within /= within.sum(axis=1, keepdims=True)
     corners = surface.triangles[face]
-    found = np.zeros((len(face), len(surface.area)))
+    found = np.zeros((len(face), surface.n_patches))
     rows = np.arange(len(face))[:, None]
     for k in range(3):
         np.add.at(found, (rows, surface.among[corners[:, k]]), within[:, k, None] * surface.part[corners[:, k]])

@@ -39,7 +39,8 @@ class Faces:
 
 
 class Surface(Protocol):
-    """A closed surface of p points that follow nodes of a body, of which s may move, t triangles between them."""
+    """A closed surface of p points that follow nodes of a body, of which s may move, t triangles between some of
+    them."""
 
     @property
     def nodes(self) -> Ints:
@@ -59,11 +60,28 @@ class Surface(Protocol):
 
     @property
     def among(self) -> Ints:
-        """Points at places of nodes, between which each is (p, 4)."""
+        """Patches into which each may be gathered, around places of nodes (p, k), below `n_patches`."""
 
     @property
     def part(self) -> Floats:
-        """And how much it is of each, by how near (p, 4) [1]."""
+        """And how much it is of each, by how near (p, k) [1]."""
+
+    @property
+    def n_patches(self) -> int:
+        """How many these are."""
+
+    @property
+    def upon(self) -> Ints:
+        """Corners between which each point is, whose normals make its own (p, 3)."""
+
+    @property
+    def upon_share(self) -> Floats:
+        """And their shares (p, 3) [1]."""
+
+    @property
+    def rounded(self) -> Mask:
+        """Whether the surface is smooth around each corner of a triangle: between such corners normals go over into one
+        another, at others the triangle has its own (t, 3)."""
 
     @property
     def spacing(self) -> float:
@@ -90,7 +108,7 @@ class Meeting:
     fixed: Mask
     """clamped ones, which no interface moves (N,)"""
     surface: Callable[[], Surface] | None = None
-    """what makes it; None of a surface that runs through cells"""
+    """what makes it; None of a body that has none for others"""
     forces_at_end: bool = True
     """whether its model's contact forces act as a step ends, see `MODELS`"""
 

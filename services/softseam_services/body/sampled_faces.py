@@ -1,8 +1,9 @@
-"""The surface of a body by points that follow its nodes, as close as its functions ask for, as a pile touches it.
+"""The surface of a body by points that follow its nodes, as close as its functions ask for, as others touch it.
 
 A model whose functions are quadratic answers a pressure by other forces on its nodes than a linear one does: those of
 points that nodes share as functions say. Where these are Simpson's for panels of half a cell's edge and of the other's
-squares, an even pressure, and one that is bilinear in each square, gives nodes of both exactly their forces.
+squares, an even pressure, and one that is bilinear in each square, gives nodes of both exactly their forces. A surface
+that runs through cells has the points at which tools press it (`surface_points`), and its triangles as they are drawn.
 """
 
 import math
@@ -13,20 +14,39 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from softseam_coupling.kernels.nearest_face import nearest_faces, point_normals
 from softseam_protocol.scene.kinds import Functions
 from softseam_services.body.body import Body, Floats, Ints
+from softseam_services.body.contact_points import PENALTY
 from softseam_services.body.errors import SettingError
-from softseam_services.body.interpolate import FUNCTION_NUMBER
+from softseam_services.body.interpolate import FUNCTION_NUMBER, rest_points
 from softseam_services.body.kernels.shape_functions import fill_weights
 from softseam_services.body.outer_faces import FACE_NODES, is_covered_by_faces
+from softseam_services.body.surface_points import NO_CREASE
 from softseam_services.tools.kernels import DENSE
 
 Numbers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
+class _Functions:
+    """By which places within triangles follow nodes."""
+
+    number: int
+    """as `fill_weights` takes it"""
+    cell: Ints
+    """of each triangle (t,)"""
+    corner: Floats
+    """local coordinates of its corners there (t, 3, 3)"""
+    nodes: Ints
+    """numbers of the cells' nodes: of those that may move, then of the clamped ones, one for all others (c, 27)"""
+    held: Floats
+    """where clamped ones are (k, 3) [m]"""
+
+
+@dataclass(frozen=True)
 class SampledFaces:
-    """p points on the outer faces of cells, t triangles between them, s nodes that may move."""
+    """p points of a surface, t triangles between some of them, s nodes that may move."""
 
     nodes: Ints
     """that the points follow, ascending, but for those that are clamped (s,)"""
@@ -39,23 +59,24 @@ class SampledFaces:
     area: Floats
     """that each point stands for (p,) [m^2]"""
     among: Ints
-    """points at places of nodes, between which each is (p, 4)"""
+    """patches into which each may be gathered, around places of nodes (p, 4), of a surface that runs through cells
+    (p, 8); numbers below `n_patches`"""
     part: Floats
-    """and how much it is of each, by how near (p, 4) [1]"""
+    """and how much it is of each, by how near, 1 in all (p, 4 or 8) [1]"""
+    n_patches: int
+    upon: Ints
+    """corners between which each point is, whose normals make its own (p, 3)"""
+    upon_share: Floats
+    """and their shares (p, 3) [1]"""
+    rounded: NDArray[np.bool_]
+    """whether the surface is smooth around each corner of a triangle: between such corners normals go over into one
+    another, at others the triangle has its own (t, 3)"""
     spacing: float
     """of the nodes [m]"""
     yields: float
     """how far the surface sinks in under a pressure [m/Pa]"""
-    functions: int
-    """by which places within triangles follow nodes, as `fill_weights` takes it"""
-    cell: Ints
-    """of each triangle (t,)"""
-    corner: Floats
-    """local coordinates of its corners there (t, 3, 3)"""
-    follows: Ints
-    """numbers of the cells' nodes: of those in `nodes`, then of the clamped ones, one for all others (c, 27)"""
-    rests: Floats
-    """where clamped ones are (k, 3) [m]"""
+    functions: _Functions | None = None
+    """by which places within triangles follow nodes; None: as linear ones between corners"""
 
     def places(self, x: Floats) -> Floats:
         """Of the points, with the nodes at x (s, 3) [m] (p, 3)."""
@@ -64,28 +85,27 @@ class SampledFaces:
     def within(self, triangle: Numbers, share: Floats) -> tuple[csr_array, Floats]:
         """Weights (q, s) by which places in these triangles (q,), with shares (q, 3) in their corners, follow the
         nodes, and what clamped nodes add (q, 3) [m]: as the cell's functions say, not their values at the points."""
-        q, s = len(triangle), len(self.nodes)
-        local = np.einsum("qk,qki->qi", share, self.corner[triangle])
-        indptr = np.zeros(q + 1, dtype=np.int32)
-        node, weight = np.empty(27 * q, dtype=np.int32), np.empty(27 * q)
-        count = fill_weights(local, self.cell[triangle], self.follows, self.functions, indptr, node, weight)
-        end = s + len(self.rests)
-        found = csr_array((weight[:count], node[:count], indptr), shape=(q, end + 1))
-        return csr_array(found[:, :s]), np.asarray(found[:, s:end] @ self.rests)
+        q, s, of = len(triangle), len(self.nodes), self.functions
+        if of is None:
+            corners, ends = self.triangles[triangle].ravel(), 3 * np.arange(q + 1)
+            between = csr_array((share.ravel(), corners, ends), shape=(q, len(self.area)))
+            return csr_array(between @ self.weights), np.asarray(between @ self.clamped)
+        local = np.einsum("qk,qki->qi", share, of.corner[triangle])
+        found, end = _filled(local, of.cell[triangle], of.nodes, of.number, s + len(of.held) + 1), s + len(of.held)
+        return csr_array(found[:, :s]), np.asarray(found[:, s:end] @ of.held)
 
 
 def sampled_faces(body: Body, functions: Functions, others: float = math.inf) -> SampledFaces:
     """Of a body in hexahedra, interpolated so, that touches nodes which are so far from one another [m]. Raises
-    SettingError where its surface runs through cells."""
-    if body.tetrahedra or not is_covered_by_faces(body):
-        raise SettingError("contact meets no surface that runs through cells yet: take a block")
+    SettingError for tetrahedra."""
+    if body.tetrahedra:
+        raise SettingError("contact meets no cells that are tetrahedra yet: take a block, or a closed surface")
+    if not is_covered_by_faces(body):
+        return _through_cells(body, functions)
     panels = max(2, math.ceil(body.resolution / others - 1e-6))
     simpson = np.array([1.0, *(4.0, 2.0) * (panels - 1), 4.0, 1.0]) / (6.0 * panels)
     cell, local, side, quads, among, part = _lattices(body, panels)
-    indptr = np.zeros(len(local) + 1, dtype=np.int32)
-    node, weight = np.empty(27 * len(local), dtype=np.int32), np.empty(27 * len(local))
-    count = fill_weights(local, cell, body.cell_nodes, FUNCTION_NUMBER[functions], indptr, node, weight)
-    follows = csr_array((weight[:count], node[:count], indptr), shape=(len(local), body.n_nodes))
+    follows = _interpolate(body, local, cell, functions)
     rest = np.asarray(follows @ body.x_rest)
     # points that faces share are one, but at an edge, where each face looks its own way
     points = quads
@@ -93,7 +113,7 @@ def sampled_faces(body: Body, functions: Functions, others: float = math.inf) ->
     _, one, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
     number = number.ravel()
     follows, rest = follows[one], rest[one]
-    quads, among = number[quads].astype(np.int32), number[among[one]].astype(np.int32)
+    quads = number[quads].astype(np.int32)
     spread = np.cross(rest[quads[:, 2]] - rest[quads[:, 0]], rest[quads[:, 3]] - rest[quads[:, 1]])
     of_face = 0.5 * np.linalg.norm(spread, axis=1).reshape(-1, (2 * panels) ** 2).sum(axis=1)
     area = np.zeros(len(rest))
@@ -101,30 +121,104 @@ def sampled_faces(body: Body, functions: Functions, others: float = math.inf) ->
     halves = np.array([[0, 1, 2], [0, 2, 3]])
     triangles = np.concatenate([quads[:, half] for half in halves]).astype(np.int32)
     corners = np.concatenate([points[:, half] for half in halves])
-    used = np.unique(follows.tocoo().col[follows.tocoo().data != 0.0])
-    free = used[~body.fixed[used]]
-    clamped = np.asarray(follows[:, body.fixed] @ body.x_rest[body.fixed])
+    patches, gathered = np.unique(number[among[one]], return_inverse=True)
+    nodes, weights, clamped = _follow(body, follows)
     held = np.flatnonzero(body.fixed)
-    number_of = np.full(body.n_nodes, len(free) + len(held), dtype=np.int32)
-    number_of[free], number_of[held] = np.arange(len(free)), len(free) + np.arange(len(held))
-    spacing = 0.5 * body.resolution
-    softest = min(material.young for material in body.materials)
+    number_of = np.full(body.n_nodes, len(nodes) + len(held), dtype=np.int32)
+    number_of[nodes], number_of[held] = np.arange(len(nodes)), len(nodes) + np.arange(len(held))
     return SampledFaces(
-        free.astype(np.int32),
-        csr_array(follows[:, free]),
+        nodes,
+        weights,
         clamped,
         triangles,
         area,
-        among,
+        gathered.reshape(-1, 4).astype(np.int32),
         part[one],
-        spacing,
-        spacing / (DENSE * softest),
-        FUNCTION_NUMBER[functions],
-        cell[corners[:, 0]],
-        local[corners],
-        number_of[body.cell_nodes],
-        body.x_rest[held],
+        len(patches),
+        *_themselves(len(rest)),
+        np.zeros(triangles.shape, dtype=np.bool_),
+        *_yields(body, DENSE),
+        _Functions(
+            FUNCTION_NUMBER[functions],
+            cell[corners[:, 0]],
+            local[corners],
+            number_of[body.cell_nodes],
+            body.x_rest[held],
+        ),
     )
+
+
+def _follow(body: Body, weights: csr_array) -> tuple[Ints, csr_array, Floats]:
+    """Nodes, weights and what clamped ones add, of points with weights (p, N) of all nodes."""
+    used = np.unique(weights.tocoo().col[weights.tocoo().data != 0.0])
+    free = used[~body.fixed[used]]
+    clamped = np.asarray(weights[:, body.fixed] @ body.x_rest[body.fixed])
+    return free.astype(np.int32), csr_array(weights[:, free]), clamped
+
+
+def _yields(body: Body, dense: float) -> tuple[float, float]:
+    """Spacing of the nodes [m], and how far the surface sinks in under a pressure [m/Pa]."""
+    spacing = 0.5 * body.resolution
+    return spacing, spacing / (dense * min(material.young for material in body.materials))
+
+
+def _themselves(p: int) -> tuple[Ints, Floats]:
+    """Points each of which has its own normal."""
+    return np.repeat(np.arange(p, dtype=np.int32)[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (p, 1))
+
+
+def _through_cells(body: Body, functions: Functions) -> SampledFaces:
+    """Of a body whose surface runs through cells."""
+    surface, rest = body.surface, rest_points(body)
+    triangles, p = surface.triangles, len(surface.area)
+    among, part = np.zeros((p, 8), dtype=np.int32), np.zeros((p, 8))
+    near = _interpolate(body, surface.local, surface.cell, "hex8")
+    place = np.arange(near.nnz) - np.repeat(near.indptr[:-1], np.diff(near.indptr))
+    point = np.repeat(np.arange(p), np.diff(near.indptr))
+    nodes, number = np.unique(near.indices, return_inverse=True)
+    among[point, place], part[point, place] = number, near.data
+    normal = np.empty_like(rest)
+    point_normals(rest, triangles, normal)
+    own = np.cross(rest[triangles[:, 1]] - rest[triangles[:, 0]], rest[triangles[:, 2]] - rest[triangles[:, 0]])
+    own /= np.linalg.norm(own, axis=1, keepdims=True)
+    rounded = np.einsum("ti,tki->tk", own, normal[triangles]) > NO_CREASE
+    return SampledFaces(
+        *_follow(body, _interpolate(body, surface.local, surface.cell, functions)),
+        triangles,
+        surface.area,
+        among,
+        part,
+        len(nodes),
+        *_upon(rest, triangles, surface.normal, body.resolution),
+        rounded,
+        *_yields(body, PENALTY),
+    )
+
+
+def _interpolate(body: Body, local: Floats, cell: Ints, functions: Functions) -> csr_array:
+    """Weights of all nodes (p, N) at local coordinates (p, 3) of cells (p,)."""
+    return _filled(local, cell, body.cell_nodes, FUNCTION_NUMBER[functions], body.n_nodes)
+
+
+def _filled(local: Floats, cell: Ints, nodes: Ints, functions: int, n: int) -> csr_array:
+    """Weights (p, n) at local coordinates (p, 3) of cells (p,) with these nodes (c, 27), see `fill_weights`."""
+    indptr = np.zeros(len(local) + 1, dtype=np.int32)
+    node, weight = np.empty(27 * len(local), dtype=np.int32), np.empty(27 * len(local))
+    count = fill_weights(local, cell, nodes, functions, indptr, node, weight)
+    return csr_array((weight[:count], node[:count], indptr), shape=(len(local), n))
+
+
+def _upon(rest: Floats, triangles: Ints, normal: Floats, reach: float) -> tuple[Ints, Floats]:
+    """`upon` and its shares, of points at rest (p, 3) [m] that look this way (p, 3): corners of the nearest triangle
+    that does, within reach [m], where they are no corners."""
+    upon, share = _themselves(len(rest))
+    free = np.setdiff1d(np.arange(len(rest)), triangles)
+    n = len(free)
+    face, own, beside, faces = np.empty(n, dtype=np.int64), np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3))
+    nearest_faces(rest[free], -normal[free], rest, triangles, reach, reach, face, own, beside, faces)
+    assert (face >= 0).all()  # points are on the surface, or inside it by less than a triangle is long
+    upon[free], share[free] = triangles[face], own
+    return upon, share
 
 
 def _lattices(body: Body, panels: int) -> tuple[Ints, Floats, Ints, Ints, Ints, Floats]:

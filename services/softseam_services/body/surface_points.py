@@ -8,7 +8,7 @@ from softseam_services.body.surface_check import triangle_areas
 
 Mask = NDArray[np.bool_]
 
-_NO_CREASE = 0.9
+NO_CREASE = 0.9
 """cosine of the angle by which a triangle is turned from the normal of its corner, 26 degrees"""
 
 
@@ -112,7 +112,7 @@ def _smooth(vertices: Floats, triangles: Ints, normal: Floats) -> Mask:
     along = np.where(length > 0.0, np.einsum("ti,tki->tk", unit, normal[triangles]), 1.0)
     least = np.ones(len(vertices))
     np.minimum.at(least, triangles, along)
-    return least > _NO_CREASE
+    return least > NO_CREASE
 
 
 def _middles(vertices: Floats, triangles: Ints, area: Floats) -> Floats:
