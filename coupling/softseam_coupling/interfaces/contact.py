@@ -14,8 +14,10 @@ or slides:
     C = 1/r = (y_a + y_b)/A_i,   y = h/(60 E)                                                                      (2)
 
 of the bodies' spacing h and modulus E. Its force goes to the points and to their feet by the same weights: an even
-pressure puts on the nodes of both what their functions say, however unlike their cells. What sticks is stretched by C t
-at its force t: a step's offset is
+pressure puts on the nodes of both what their functions say, however unlike their cells. Points of a surface that runs
+through cells are no closer than patches would be, and round: each is a patch by itself, y = h/(20 E), for what is open
+around a round contact would keep a patch open that is half in it. What sticks is stretched by C t at its force t: a
+step's offset is
 
     T d_i + C t_0,   T = 1 - n n^T                                                                                 (3)
 
@@ -37,8 +39,6 @@ Ints = NDArray[np.int32]
 
 REACH = 0.5
 """of the points' spacing: so near a face a point may touch it in a step, and so far beside it a point counts [1]"""
-_LEAST = 1e-6
-"""of the largest patch's area: smaller ones are none [1]"""
 
 
 class Rubs(Protocol):
@@ -71,13 +71,16 @@ class Contact:
                 )
             surfaces.append(one.surface())
         first, second = surfaces
-        self._fine = 0 if first.spacing < second.spacing else 1
-        """which of the two is sampled"""
+        through = first.through_cells, second.through_cells
+        self._fine = int(through[1]) if through[0] != through[1] else int(first.spacing >= second.spacing)
+        """which of the two is sampled: one that runs through cells, the finer one of two alike"""
         self._friction, self._surfaces = spec.friction, (first, second)
         self.nodes = first.nodes, second.nodes
         self._yield = first.yields + second.yields
         self._reach = REACH * min(first.spacing, second.spacing)
-        self._force = np.zeros((surfaces[1 - self._fine].n_patches, 3))  # of each patch, on the first body [N]
+        sampled, other = surfaces[self._fine], surfaces[1 - self._fine]
+        n_patches = len(sampled.area) if sampled.through_cells else other.n_patches
+        self._force = np.zeros((n_patches, 3))  # of each patch, on the first body [N]
         self._x = a.x_rest[first.nodes], b.x_rest[second.nodes]
         self._v = np.zeros_like(self._x[0]), np.zeros_like(self._x[1])
         self._ids = np.zeros(0, dtype=np.int64)
@@ -93,11 +96,11 @@ class Contact:
             return _no_rows(x)
         theirs, clamped = other.within(face, foot)
         ways = sampled.places(x[self._fine])[close] - theirs @ x[1 - self._fine] - clamped
-        gathered = area[:, None] * _shares(other, face, foot)
+        gathered = area[:, None] * (_alone(sampled, close) if sampled.through_cells else _shares(other, face, foot))
         total = np.asarray(gathered.sum(axis=0))
         normal = gathered.T @ facing
         length = np.linalg.norm(normal, axis=1)
-        self._ids = np.flatnonzero((total > _LEAST * total.max()) & (length > _LEAST * total))
+        self._ids = np.flatnonzero((total > 0.0) & (length > 0.0))
         total, sign = total[self._ids], 1.0 if self._fine == 0 else -1.0
         weights = csr_array((gathered[:, self._ids] / total).T)
         gap, normal = sign * (weights @ ways), sign * normal[self._ids] / length[self._ids, None]
@@ -197,6 +200,13 @@ def _shares(surface: Surface, face: Ids, foot: Floats) -> Floats:
     rows = np.arange(len(face))[:, None]
     for k in range(3):
         np.add.at(found, (rows, surface.among[corners[:, k]]), within[:, k, None] * surface.part[corners[:, k]])
+    return found
+
+
+def _alone(surface: Surface, points: Ids) -> Floats:
+    """As `_shares`, of points that are patches each (n, p)."""
+    found = np.zeros((len(points), len(surface.area)))
+    found[np.arange(len(points)), points] = 1.0
     return found
 
 

@@ -84,6 +84,10 @@ class Surface(Protocol):
         another, at others the triangle has its own (t, 3)."""
 
     @property
+    def through_cells(self) -> bool:
+        """Whether it runs through cells, in place of along their faces."""
+
+    @property
     def spacing(self) -> float:
         """Of the nodes [m]."""
 

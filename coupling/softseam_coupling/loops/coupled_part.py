@@ -88,10 +88,15 @@ class CoupledPart:
 
     def row_compliance(self) -> Floats:
         """B_p H_p B_p^T (3c, 3c) [m/N]."""
+        c, n = self.rows.shape
+        if self.root.size and not self.sign:
+            acted = np.flatnonzero(self.rows.any(axis=0))
+            root = self.root.reshape(n, 3, -1)[acted]
+            answer = np.tensordot(self.rows[:, acted], root, axes=(1, 0)).reshape(3 * c, -1)
+            return np.asarray(answer @ answer.T)
         h = self.root @ self.root.T if self.root.size else self.compliance
         if self.sign:
             return h
-        c, n = self.rows.shape
         half = np.tensordot(self.rows, h.reshape(n, 3, n, 3), axes=(1, 0))
         whole = np.tensordot(half, self.rows, axes=(2, 1))  # [c, 3, 3, d]
         return np.ascontiguousarray(np.moveaxis(whole, 3, 2)).reshape(3 * c, 3 * c)

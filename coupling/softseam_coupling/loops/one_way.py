@@ -95,7 +95,10 @@ class _Linearity:
 
 
 class OneWay:
-    """A `Loop`: the default. Any number of parts may meet at any interfaces, if all report their compliance."""
+    """A `Loop`: the default. Any number of parts may meet at any interfaces, if all report their compliance.
+
+    Beside rows that press compliances are not updated where a step was redone: exchanges are as many.
+    """
 
     def __init__(self, setup: LoopSetup) -> None:
         self._setup = setup
@@ -236,6 +239,7 @@ class OneWay:
             arrays[f"linearity_{name}"] = linearity.to_array()
             arrays[f"compliance_{name}"] = self._parts[name].compliance
             arrays[f"reported_{name}"] = self._parts[name].reported
+            arrays[f"root_{name}"] = _NONE if name == self._impedance_part else self._parts[name].root
         return arrays
 
     def take(self, arrays: Mapping[str, Floats]) -> None:
@@ -247,6 +251,7 @@ class OneWay:
         for name in self._parts:
             self._linearity[name] = _Linearity.of(arrays[f"linearity_{name}"])
             compliance, reported = (np.array(arrays[f"{kind}_{name}"]) for kind in ("compliance", "reported"))
+            self._parts[name].root = np.array(arrays[f"root_{name}"])
             self._parts[name].reported = reported  # the same as long as it was not updated
             self._parts[name].compliance = reported if np.array_equal(reported, compliance) else compliance
         if self._capabilities:
@@ -298,7 +303,12 @@ class OneWay:
                 # the factor that it reported is not that of the end of the step
                 linearity.renew = linearity.renew or (self._reports_every_factor(name) and linearity.kappa > _STALE)
                 change = requests[name].force - asked[name].force
-                if part.compliance.size and replies[name].coupling.correctable and np.any(change):
+                if (
+                    part.compliance.size
+                    and not self._closure.presses
+                    and replies[name].coupling.correctable
+                    and np.any(change)
+                ):
                     self._closure.update(name, miss, change)
 
     def _receive(self, replies: Mapping[str, Advanced], requests: Mapping[str, PartRequest]) -> None:
@@ -312,6 +322,9 @@ class OneWay:
             if name == self._impedance_part:
                 part.impedance = _NONE if requests[name].target is None else self._impedance
                 part.root, part.compliance = (root, _NONE) if root.size else (_NONE, compliance)
+            elif root.size and self._closure.presses:
+                part.root = root
+                part.compliance = part.reported = part.reported_inverse = _NONE
             else:
                 part.root, part.compliance = _NONE, root @ root.T if root.size else compliance
                 part.reported, part.reported_inverse = part.compliance, _NONE

@@ -78,6 +78,11 @@ class SampledFaces:
     functions: _Functions | None = None
     """by which places within triangles follow nodes; None: as linear ones between corners"""
 
+    @property
+    def through_cells(self) -> bool:
+        """Whether it runs through cells, in place of along their faces."""
+        return self.functions is None
+
     def places(self, x: Floats) -> Floats:
         """Of the points, with the nodes at x (s, 3) [m] (p, 3)."""
         return np.asarray(self.weights @ x) + self.clamped
