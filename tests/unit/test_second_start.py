@@ -16,6 +16,7 @@ from softseam.losses import tool_force
 from softseam_protocol.messages.participant import Configure, Request
 from softseam_protocol.scene.file import scene_from_bundle
 from softseam_services import warm_up
+from softseam_services.server import ParticipantServer
 
 STEP = """
 import gc
@@ -53,7 +54,7 @@ def test_kernels_of_fem_come_from_the_cache() -> None:
 def test_contact_in_a_pile_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is asked of a participant then has two bodies that may touch, and stand on each other."""
     asked: list[Request] = []
-    monkeypatch.setattr(warm_up.ParticipantServer, "handle", lambda self, request: asked.append(request))
+    monkeypatch.setattr(ParticipantServer, "handle", lambda self, request: asked.append(request))
     warm_up.warm_pile("pbd", touching=True)
     configure = asked[0]
     assert isinstance(configure, Configure)
