@@ -62,7 +62,6 @@ def test_contact_in_a_pile_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch) ->
     assert [each.between for each in scene.interfaces.values()] == [("first", "second")]
 
 
-
 def test_a_model_is_compiled_ahead_where_it_never_was_and_can_be_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
