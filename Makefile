@@ -20,7 +20,7 @@ demo: $(VENV)/.run ## grasp a block of tofu with real processes; leaves recordin
 dev: $(VENV)/.dev ## install what contributors need: solvers, viewers, pytest, ruff, mypy
 	@echo "tests while you work: make fast; every gate: make test"
 
-fast: $(VENV)/.dev ## the tests that enter no compiled kernel, some 2,200
+fast: $(VENV)/.dev ## the tests that enter no compiled kernel, some 2,400
 	@$(PY) -m pytest -q -n 2 --dist loadfile -m fast tests/unit tests/contract tests/analysis
 
 chart: $(VENV)/.dev ## regenerate docs/results/chart.md: accuracy against speed on this machine

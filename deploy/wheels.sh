@@ -1,5 +1,6 @@
 #!/bin/sh
-# Puts every wheel of the image into deploy/wheels: softseam of this checkout, and what requirements.lock pins.
+# Puts every wheel of the image into deploy/wheels: softseam of this checkout, and what requirements.lock pins; and the
+# kernels that were compiled in this checkout, of which the image takes those that it would compile itself.
 #
 #   deploy/wheels.sh [PYTHON [VERSION]]
 #
@@ -21,4 +22,16 @@ if [ "$(cat "$stamp" 2>/dev/null || true)" != "$key" ]; then
     echo "$key" > "$stamp"
 fi
 "$python" -m pip --disable-pip-version-check wheel --quiet --no-deps --no-build-isolation -w deploy/wheels .
+
+# the same kernels as long as the sources are the same, however many more tests have compiled meanwhile
+sources=services/softseam_services/__pycache__/kernels.json
+if ! cmp -s "$sources" "deploy/wheels/kernels/${sources#*/}"; then
+    rm -rf deploy/wheels/kernels
+    mkdir -p deploy/wheels/kernels
+    if [ -f "$sources" ]; then
+        for each in services coupling; do
+            (cd $each && find softseam_* -name '*.nb[ic]' -o -name kernels.json | tar -c -T -) | tar -x -C deploy/wheels/kernels
+        done
+    fi
+fi
 ls deploy/wheels/softseam-*.whl

@@ -83,7 +83,7 @@ class Statics:
     def forces(self, x: Floats) -> Floats:
         """f(x) = dU/dx (n, 3)."""
         r = np.zeros_like(self.work.r)
-        subtract_forces(x, self.model, self.parameters, self.work, r)
+        subtract_forces(np.ascontiguousarray(x), self.model, self.parameters, self.work, r)  # compiled for that alone
         return -r.reshape(-1, 3)[self.model.order]
 
     def energy(self, x: Floats) -> float:

@@ -97,21 +97,21 @@ class FemRun:
     @property
     def model(self) -> FemModel:
         """The structure that the solver steps."""
-        return self.solver._model
+        return self.solver.model
 
     @property
     def parameters(self) -> FemParameters:
         """Its numbers."""
-        return self.solver._parameters
+        return self.solver.parameters
 
     @property
     def committed(self) -> FemState:
         """The state that the next step begins with."""
-        return self.solver._committed
+        return self.solver.committed
 
     @property
     def stepper(self) -> Stepper:
-        return self.solver._stepper
+        return self.solver.stepper
 
     @property
     def work(self) -> Work:

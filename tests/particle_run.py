@@ -58,11 +58,11 @@ class ParticleRun:
     @property
     def x(self) -> Floats:
         """Positions (n, 3) [m]; writing moves the particles."""
-        return self.solver._committed.x
+        return self.solver.committed.x
 
     @property
     def v(self) -> Floats:
-        return self.solver._committed.v
+        return self.solver.committed.v
 
     def request(self) -> Advance:
         motion = tool_motion(self.tools, self.position, self.orientation, self.velocity, self.scene.step)

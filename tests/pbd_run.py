@@ -152,7 +152,7 @@ class PbdRun:
     @property
     def committed(self) -> PbdState:
         """The state that the next step begins with."""
-        return self.solver._committed
+        return self.solver.committed
 
     @property
     def scratch(self) -> StepScratch:
@@ -191,22 +191,22 @@ class Energy:
 
     def __init__(self, run: PbdRun) -> None:
         model = run.solver.model
-        self._blocks, self._numbers = model.blocks, run.solver.parameters.blocks
+        self.blocks, self.numbers = model.blocks, run.solver.parameters.blocks
         self._n = model.n_nodes
         self._xw = np.zeros((self._n + 8, 4))
-        self._xw[self._n :, :3] = self._numbers.padding_x
+        self._xw[self._n :, :3] = self.numbers.padding_x
         self._ws = new_workspace()
-        self._stress = np.zeros((self._blocks.n_batches, N_STRESS))
+        self._stress = np.zeros((self.blocks.n_batches, N_STRESS))
 
     def value(self, x: Floats) -> float:
-        b, k = self._blocks, self._numbers
+        b, k = self.blocks, self.numbers
         self._xw[: self._n, :3] = x
         energies = np.zeros((b.n_batches, 2))
         batch_energies(self._ws, self._xw, b.nodes, k.volume, k.constants, k.law, 0, b.n_batches, energies)
         return float(strain_energy(energies)[0])
 
     def force(self, x: Floats) -> Floats:
-        b, k = self._blocks, self._numbers
+        b, k = self.blocks, self.numbers
         self._xw[: self._n, :3] = x
         exact_stress(self._ws, self._xw, b.nodes, k.volume, self._stress, k.constants, k.law)
         force = np.zeros((self._n + 8, 4))

@@ -76,8 +76,8 @@ def two_threads(console: Console) -> None:
 
 def let_step_by(pair: TwoThreads, two: bool) -> None:
     """Let the next step be taken by one thread, or by two."""
-    pair._seconds = [1.0, 0.5] if two else [0.5, 1.0]
-    pair._n_runs = 0
+    pair.seconds = [1.0, 0.5] if two else [0.5, 1.0]
+    pair.n_runs = 0
 
 
 A_CASES = (

@@ -63,18 +63,18 @@ class Squeeze:
         self.seam = np.intersect1d(nodes_near, nodes_far).astype(np.int32)
 
     def messages(self) -> Iterator[StepReport | Frame | Event]:
-        yield Event(self._header(0), EventKind.TOOLS, "phase 0: left and right close")
+        yield Event(self.header(0), EventKind.TOOLS, "phase 0: left and right close")
         for k in range(1, self.n_steps + 1):
             s = k / self.n_steps
             grip, lift = min(1.0, 2.5 * s), 0.05 * max(0.0, (s - 0.45) / 0.55)
             if k == round(0.45 * self.n_steps):
-                yield Event(self._header(k), EventKind.TOOLS, "phase 1: left and right move by (0, 0, 50) mm")
+                yield Event(self.header(k), EventKind.TOOLS, "phase 1: left and right move by (0, 0, 50) mm")
             if k == round(0.2 * self.n_steps):
-                yield Event(self._header(k), EventKind.REGIONS, "32 cells are near now: left and right touch")
+                yield Event(self.header(k), EventKind.REGIONS, "32 cells are near now: left and right touch")
             yield self._report(k, grip, lift)
             yield self._frame(k, grip, lift)
 
-    def _header(self, k: int) -> Header:
+    def header(self, k: int) -> Header:
         return Header(SCHEMA_VERSION, self.session, "", 0, max(k - 1, 0), 0, 0.01 * max(k - 1, 0))
 
     def _body_lift(self, lift: float) -> float:
@@ -109,7 +109,7 @@ class Squeeze:
         command[1, 0], command[2, 0] = (0.02, -0.02) if lift == 0 else (0.0, 0.0)
         command[1:3, 2] = 0.05 if lift > 0 else 0.0
         return StepReport(
-            header=self._header(k),
+            header=self.header(k),
             phase=int(lift > 0),
             tool_position=self._tools(grip, lift),
             tool_orientation=np.tile([1.0, 0.0, 0.0, 0.0], (4, 1)),
@@ -174,7 +174,7 @@ class Squeeze:
         multiplier = np.zeros((len(self.seam), 3))
         multiplier[:, 0] = np.sign(body.x_rest[self.seam, 0]) * force / (0.5 * len(self.seam))
         return Frame(
-            header=self._header(k),
+            header=self.header(k),
             body="body",
             x=self._deform(body.x_rest, grip, lift),
             cauchy=cauchy,

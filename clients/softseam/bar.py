@@ -8,7 +8,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
 
 _REFRESH = 0.1
 """time between updates of the bar [s]"""
-_LINE = 10.0
+LINE = 10.0
 """longest time between lines where there is no terminal [s]"""
 
 
@@ -40,7 +40,7 @@ class Bar:
             if force or now - self._shown >= _REFRESH or (done is not None and done == self._total):
                 self._shown = now
                 self._progress.update(self._task, completed=done, state=state, description=text)
-        elif force or tenth > self._tenth or now - self._shown >= _LINE:
+        elif force or tenth > self._tenth or now - self._shown >= LINE:
             self._shown, self._tenth = now, max(tenth, self._tenth)
             self._console.print(f"{self._text}: {state}" if state else self._text, highlight=False)
 

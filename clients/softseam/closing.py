@@ -168,7 +168,7 @@ def _times(report: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     yield "all steps", _duration(total), "solvers run at the same time"
     yield "set-up and compiling", _duration(wall["setup"]), "not part of the real-time factor"
     if wall["rtf"] is not None:
-        yield "real-time factor", f"{wall['rtf']:.1f}", f"{wall['rtf_median_step']:.1f} at the median step"
+        yield "real-time factor", f"{wall['rtf']:.3g}", f"{wall['rtf_median_step']:.3g} at the median step"
 
 
 def _print_events(console: Console, events: list[Mapping[str, Any]]) -> None:

@@ -44,9 +44,9 @@ from softseam_protocol.scene.scene import Scene
 Reply = TypeVar("Reply", Observation, Observations, Saved, Estimated, Closed)
 _MOST = 1000
 """steps asked for at once; the orchestrator answers after a tenth of a second"""
-_CONNECT_TIMEOUT = 5.0
+CONNECT_TIMEOUT = 5.0
 _CLOSE_TIMEOUT = 10.0
-_RESTART = 8.0
+RESTART = 8.0
 """longest wait for an orchestrator that is to open a session: a supervisor has restarted one by then [s]"""
 _INTRODUCTION = 0.1
 """time after which an orchestrator that shows on the bus, but did not answer, is asked again [s]"""
@@ -73,7 +73,7 @@ class ConnectedBackend:
         self.session = secrets.token_hex(8)
         """names the session on the bus, and its recording"""
         try:
-            self._bus = Bus(endpoint, min(timeout, _CONNECT_TIMEOUT))
+            self._bus = Bus(endpoint, min(timeout, CONNECT_TIMEOUT))
         except errors.BusError as error:
             raise NoConnection(str(error)) from None
         try:
@@ -182,7 +182,7 @@ class ConnectedBackend:
             except errors.NoReply as error:
                 # an orchestrator that is being restarted by its supervisor is back within seconds
                 if isinstance(request, Open) and not repeated:
-                    hoping = min(end, time.monotonic() + _RESTART)
+                    hoping = min(end, time.monotonic() + RESTART)
                 if isinstance(request, Close) or time.monotonic() + 0.2 > hoping:
                     raise lost(
                         f"no orchestrator answers at {self._endpoint} ({error}): start one with `softseam up`"

@@ -73,7 +73,7 @@ def not_among(name: str, known: Iterable[str]) -> str:
     return f"{name!r}{hint} (there are: {', '.join(names) or 'none'})"
 
 
-_EXTRA_OF = {
+EXTRA_OF = {
     "numba": "solve",
     "llvmlite": "solve",
     "scipy": "solve",
@@ -97,7 +97,7 @@ PROCESSORS_ALONE = "pip install torch --index-url https://download.pytorch.org/w
 def missing_extra(error: ImportError, purpose: str) -> ImportError:
     """The error to raise where an import failed: a MissingExtra if a package of an extra is absent, else itself."""
     absent = (error.name or "").partition(".")[0]
-    extra = _EXTRA_OF.get(absent)
+    extra = EXTRA_OF.get(absent)
     if extra is None or not isinstance(error, ModuleNotFoundError):
         return error
     return _missing(purpose, absent, extra)
@@ -105,7 +105,7 @@ def missing_extra(error: ImportError, purpose: str) -> ImportError:
 
 def require_extra(extra: str, purpose: str) -> None:
     """Raise MissingExtra where a package of an extra is not installed; imports nothing."""
-    for package, needed_by in _EXTRA_OF.items():
+    for package, needed_by in EXTRA_OF.items():
         if needed_by == extra and find_spec(package) is None:
             raise _missing(purpose, package, extra)
 

@@ -56,7 +56,7 @@ class RunProgress:
 
     def _state(self, observation: Observation) -> str:
         total = f" of {self._total:.2f}" if self._total else ""
-        rtf = f"RTF {self.rtf:.1f}" if self.rtf else "RTF -"
+        rtf = f"RTF {self.rtf:.3g}" if self.rtf else "RTF -"
         state = f"t {observation.time:.2f}{total} s  {rtf}  ETA {self._eta(observation)}"
         if not self._moves:
             return state

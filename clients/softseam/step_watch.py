@@ -25,7 +25,7 @@ _SOON = 0.1
 """of the limit: what is not solved at once gets on where it takes no longer [1]"""
 _HARD = {EventKind.SOLVER, EventKind.STEP, EventKind.SEAM, EventKind.MONITOR}
 """events of steps that were not solved at once"""
-_TELL = 5.0
+TELL = 5.0
 """time that a step takes before it is reported, and again each time that this has doubled [s]"""
 
 
@@ -50,7 +50,7 @@ class StepWatch:
         self._interrupt = Interrupt("softseam step watch", self._looks)
         self._steps, self._good, self._failed = 0, 0, 0
         self._begun = self._last = self._now()
-        self._told_step, self._due = 0, _TELL
+        self._told_step, self._due = 0, TELL
 
     def taken(self, observation: Observation) -> None:
         """A step was taken."""
@@ -81,7 +81,7 @@ class StepWatch:
         """Tell of a step that takes long; whether the limit is passed."""
         now = self._now()
         if self._steps != self._told_step:
-            self._told_step, self._due = self._steps, _TELL
+            self._told_step, self._due = self._steps, TELL
         if now - self._begun >= self._due:
             self._due *= 2.0
             self._report(self._steps + 1, now - self._begun)

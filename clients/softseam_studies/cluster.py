@@ -19,7 +19,7 @@ Make = Callable[[], Callable[[Work], Result]]
 
 _LOCAL = "local"
 """of Ray: a cluster that this process begins for itself"""
-_ANSWER = 5.0
+ANSWER = 5.0
 """longest wait for it [s]"""
 _PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes((0, 0, 0, 4, 0, 0, 0, 0, 0))
 """that begins a connection of HTTP/2, which Ray speaks: its magic and a frame of no settings (RFC 9113, 3.4)"""
@@ -27,7 +27,7 @@ _SETTINGS = 4
 """kind of the frame that answers, the fourth of its first nine bytes"""
 _BEGIN = 120.0
 """and for a first worker to begin [s]"""
-_LOSSES = 5
+LOSSES = 5
 """one after the other, nothing done between them, that are borne"""
 
 
@@ -65,7 +65,7 @@ def reach(address: str) -> None:
     if not host or not port.isdecimal():
         raise BadInput(f"--ray {address}: give HOST:PORT of a cluster's head, or {_LOCAL}")
     try:
-        with socket.create_connection((host, int(port)), _ANSWER) as connection:
+        with socket.create_connection((host, int(port)), ANSWER) as connection:
             connection.sendall(_PREFACE)
             answer = connection.recv(9)
     except (OSError, OverflowError) as error:
@@ -190,7 +190,7 @@ class Workers(Generic[Work, Result]):
 
     def _lose(self, number: int | None, why: str) -> None:
         self._losses += 1
-        if self._losses > _LOSSES:
+        if self._losses > LOSSES:
             raise ServicesFailed(
                 f"{self._losses} workers {self._workers} ended one after the other, the last because: {why}"
             )

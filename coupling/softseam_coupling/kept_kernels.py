@@ -12,13 +12,14 @@ import hashlib
 import itertools
 import logging
 import pickle
+import shutil
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, UserProvidedCacheLocator
 from numba.core.serialize import dumps
 
 _log = logging.getLogger(__name__)
@@ -44,6 +45,19 @@ def keep(kernel: Any) -> None:
         kernel._cache = KernelCache(kernel.py_func)
     except RuntimeError as error:  # neither the source's folder nor the user's can be written
         _tell(_NOT_KEPT, error)
+
+
+def move(packages: Iterable[Path], to: Path) -> int:
+    """Put kernels that are kept beside their sources where a process looks for them whose NUMBA_CACHE_DIR is `to`; how
+    many files. packages: folders of those sources, in the places that they have for that process."""
+    found = [index for folder in packages for index in folder.rglob("__pycache__/*.nbi")]
+    files = [file for index in found for file in (index, *index.parent.glob(f"{index.stem}.*.nbc"))]
+    for file in files:
+        source = file.parent.with_name(file.name)  # or another there
+        there = to / UserProvidedCacheLocator.get_suitable_cache_subpath(str(source))  # type: ignore[no-untyped-call]
+        there.mkdir(parents=True, exist_ok=True)
+        shutil.move(file, there / file.name)
+    return len(files)
 
 
 class KernelCache(FunctionCache):

@@ -3,8 +3,8 @@
 Numba keys a compiled kernel by the source of its own file alone, but the machine code holds the kernels that it calls
 and the constants that it reads from other files, too: after an edit or an upgrade of one file, callers in unchanged
 files would go on with the old code. So a kernel is dropped whenever its file or any that this one imports, directly or
-not, has changed. And services that start together would each compile the kernels that they share: one compiles, the
-others wait for it.
+not, or what compiles it, has changed. And services that start together would each compile the kernels that they share:
+one compiles, the others wait for it.
 """
 
 import ast
@@ -16,9 +16,12 @@ import importlib.util
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 _STAMP = "kernels.json"
+COMPILED_BY = ("llvmlite", "numba", "numpy")
+"""distributions on whose versions machine code depends"""
 
 
 def kernel_packages() -> list[Path]:
@@ -29,14 +32,15 @@ def kernel_packages() -> list[Path]:
 
 
 def drop_stale_kernels(packages: Iterable[Path]) -> int:
-    """Forget compiled kernels whose sources changed since the last call; how many were forgotten.
+    """Forget compiled kernels whose sources, or `COMPILED_BY`, changed since the last call; how many were forgotten.
 
     On a file system that cannot be written nothing is done: nothing can change there either.
     """
     folders = list(packages)
     sources = {_module(folder, path): path for folder in folders for path in sorted(folder.rglob("*.py"))}
     texts = {module: path.read_bytes() for module, path in sources.items()}
-    everything = _digest(texts, sorted(texts))
+    compiler = " ".join(_version(each) for each in COMPILED_BY).encode()
+    everything = _digest(compiler, texts, sorted(texts))
     stamp = folders[0] / "__pycache__" / _STAMP
     dropped = 0
     with contextlib.suppress(OSError):
@@ -44,7 +48,7 @@ def drop_stale_kernels(packages: Iterable[Path]) -> int:
         if known.get("") == everything:
             return 0
         imports = {m: _imports(texts[m], _package(m, path), texts) for m, path in sources.items()}
-        now = {m: _digest(texts, _reached(m, imports)) for m, text in texts.items() if b"njit" in text}
+        now = {m: _digest(compiler, texts, _reached(m, imports)) for m, text in texts.items() if b"njit" in text}
         for module, path in sources.items():
             if module not in now or known.get(module) != now[module]:
                 for index in (path.parent / "__pycache__").glob(f"{path.stem}.*.nbi"):
@@ -60,13 +64,20 @@ def drop_stale_kernels(packages: Iterable[Path]) -> int:
     return dropped
 
 
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return ""  # nothing is compiled
+
+
 def _module(folder: Path, path: Path) -> str:
     parts = path.relative_to(folder.parent).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def _digest(texts: Mapping[str, bytes], modules: Iterable[str]) -> str:
-    digest = hashlib.sha256()
+def _digest(compiler: bytes, texts: Mapping[str, bytes], modules: Iterable[str]) -> str:
+    digest = hashlib.sha256(compiler)
     for module in modules:
         digest.update(module.encode() + b"\0" + texts[module] + b"\0")
     return digest.hexdigest()

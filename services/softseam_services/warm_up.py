@@ -172,7 +172,7 @@ def warm_pile(model: str, touching: bool = False) -> None:
     upper = block.model_copy(update={"position": (0.0, 0.0, 0.02)})
     bodies = {"many": {"first": block, "second": upper}, "one": None}
     beside = {name: tool for name, tool in warm_scene(model).tools.items() if name != "ball"}
-    update = {**bodies, "tools": beside, "motion": (), "regions": RegionsSpec(), "interfaces": contact}
+    update = {**bodies, "tools": beside, "motion": (), "regions": RegionsSpec(), "joints": contact}
     scene = warm_scene(model).model_copy(update=update)
     with compiling(model):
         bundle, none = messages.Bundle(scene.model_dump_json(), {}), np.zeros(0, dtype=np.int32)

@@ -79,7 +79,7 @@ def measure(counts: tuple[int, int, int]) -> Row:
     tools = moved(solver._tools, run.request().tools)
     x = parameters.x_rest.copy()
     n = 3 * int(np.count_nonzero(tree.position >= 0))
-    contact = solver._committed.contact
+    contact = solver.committed.contact
     reach = 0.25 * parameters.edge
 
     def assemble() -> None:
@@ -126,7 +126,7 @@ def steps(run: FemRun) -> dict[str, float]:
     """Newton iterations of a squeeze: how many and how many factors a step, ms an iteration, share of Python."""
     solver = run.solver
     inner = [0.0]
-    stepper = solver._stepper
+    stepper = solver.stepper
     advance = stepper._advance
 
     def timed(*args: Any, **keys: Any) -> int:

@@ -79,14 +79,14 @@ class Meter:
     def running(self) -> Iterator[None]:
         """All parts are timed, and both sides work in one thread."""
         kept = [(owner, name, getattr(owner, name)) for _, owner, name in PARTS]
-        alone = embedded._WORTH_A_THREAD
-        embedded._WORTH_A_THREAD = np.inf
+        alone = embedded.WORTH_A_THREAD
+        embedded.WORTH_A_THREAD = np.inf
         for (row, _, _), (owner, name, function) in zip(PARTS, kept, strict=True):
             setattr(owner, name, self.wrapped(row, function))
         try:
             yield
         finally:
-            embedded._WORTH_A_THREAD = alone
+            embedded.WORTH_A_THREAD = alone
             for owner, name, function in kept:
                 setattr(owner, name, function)
 

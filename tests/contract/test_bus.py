@@ -229,7 +229,7 @@ def test_whether_anybody_listens(bus: Bus, other: Bus, monkeypatch: pytest.Monke
     """Unsure at first, which counts as yes; who subscribes and then asks is known before the question arrives."""
     key = KEYS.session("listened", Event)
     assert bus.listened(key)
-    monkeypatch.setattr(bus_module, "_INTRODUCTION", 0.0)
+    monkeypatch.setattr(bus_module, "INTRODUCTION", 0.0)
     assert not bus.listened(key)
     bus.serve({KEY: lambda _: b"yes" if bus.listened(key) else b"no"}).start()
     assert until(lambda: served(other, KEY))

@@ -13,8 +13,7 @@ import pytest
 import zenoh
 
 from softseam_protocol.bus.asking import Asker
-from softseam_protocol.bus.client import _INTRODUCTION as INTRODUCTION
-from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.client import INTRODUCTION, Bus, Router
 from softseam_protocol.bus.inbox import Inbox, LiveChange, Received
 from softseam_protocol.bus.peer_links import PeerLinks
 from softseam_protocol.bus.session import LEASE, direct

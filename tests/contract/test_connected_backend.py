@@ -126,7 +126,7 @@ def test_a_session_is_opened_by_an_orchestrator_that_comes_late(endpoint: str, m
 
 
 def test_who_waits_in_vain_to_be_opened_says_so_soon(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connected, "_RESTART", 1.0)
+    monkeypatch.setattr(connected, "RESTART", 1.0)
     began = time.monotonic()
     with pytest.raises(NoConnection, match="softseam up"):
         ConnectedBackend(Squeeze(1).bundle, endpoint, record=False, timeout=60.0)

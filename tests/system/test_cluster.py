@@ -129,7 +129,7 @@ def test_charts_are_swept_alike_by_any_number_of_workers(
 
 
 def test_work_that_ends_every_worker_is_given_up(two_nodes: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sharing, "_LOSSES", 1)
+    monkeypatch.setattr(sharing, "LOSSES", 1)
     with pytest.raises(ServicesFailed, match=rf"2 workers of the Ray cluster at {two_nodes.address} ended"):
         share(two_nodes.address, deadly, [0], print)
 
@@ -140,7 +140,7 @@ def test_what_workers_refuse_is_told(two_nodes: Any) -> None:
 
 
 def test_an_address_that_nobody_answers_at_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sharing, "_ANSWER", 0.5)
+    monkeypatch.setattr(sharing, "ANSWER", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"127.0.0.1:{silent.getsockname()[1]}"
         with pytest.raises(NoConnection, match=rf"{address} \(timed out\): ray start"):

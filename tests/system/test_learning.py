@@ -53,7 +53,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """After one rollout, of eight pieces."""
     folder = tmp_path_factory.mktemp("trained") / "policy"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training, "_ROW", 200)
+        patch.setattr(training, "ROW", 200)
         said = Console(file=StringIO())
         train(Wishes(steps=400, environments=8, out=folder), said)
     assert isinstance(said.file, StringIO)
@@ -162,7 +162,7 @@ def test_a_training_without_checks_says_why(
                 self.child.process.wait()
 
     monkeypatch.setattr(training, "Beside", Sent)
-    monkeypatch.setattr(training, "_WAIT", 0.1)
+    monkeypatch.setattr(training, "WAIT", 0.1)
     said = Console(file=StringIO(), width=120)
     train(Wishes(algorithm="sac", environments=4, steps=steps, out=tmp_path / "out"), said)
     assert isinstance(said.file, StringIO)
@@ -199,7 +199,7 @@ def interruptible() -> Iterator[None]:
 @pytest.mark.usefixtures("interruptible")
 def test_an_interrupted_training_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By Ctrl-C in the middle of a step of the environments."""
-    monkeypatch.setattr(training, "_SAVE", 100)
+    monkeypatch.setattr(training, "SAVE", 100)
     folder, said = tmp_path / "policy", Console(file=StringIO())
 
     def interrupt() -> None:

@@ -234,7 +234,7 @@ def test_pieces_are_refused_from_where_they_come_apart_at_rest(
     if not whole:
         with pytest.raises(BadInput, match="too long"):
             BatchEnv(8, **given)
-        monkeypatch.setattr(randomise, "_OF_A_BLOCK", np.inf)
+        monkeypatch.setattr(randomise, "OF_A_BLOCK", np.inf)
     envs = BatchEnv(8, **given)
     envs.reset(seed=0)
     ended = np.zeros(8, dtype=np.bool_)

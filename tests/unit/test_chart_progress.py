@@ -18,7 +18,7 @@ pytestmark = pytest.mark.kernels
 @pytest.mark.parametrize("budget", [5.0, 60.0, 1e-9])
 @pytest.mark.parametrize("at", [0, 20, -1])
 def test_time_left(budget: float, at: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("softseam.bar._LINE", 0.0)
+    monkeypatch.setattr("softseam.bar.LINE", 0.0)
     said, wanted = StringIO(), configurations(study_of("stiff_inclusion").frame)
     with ChartProgress(Console(file=said, width=200)) as progress:
         progress.expect(wanted, budget)

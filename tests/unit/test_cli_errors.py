@@ -130,7 +130,7 @@ def folder(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
-    monkeypatch.setattr(connected, "_CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr(connected, "CONNECT_TIMEOUT", 0.5)
     (tmp_path / "GOOD.yaml").write_text(GOOD)
     (tmp_path / "bad.yaml").write_text("softseam: 1\n")
     return tmp_path
@@ -243,7 +243,7 @@ def test_packages_that_an_extra_must_bring_are_in_its_lock() -> None:
     """One that was left out of the lock was asked for still, and nothing started where it was not installed."""
     locked = set(re.findall(r"^([\w.-]+)==", (Path(__file__).parents[2] / "requirements-dev.lock").read_text(), re.M))
     brought_by = packages_distributions()
-    for package, extra in errors._EXTRA_OF.items():
+    for package, extra in errors.EXTRA_OF.items():
         if extra in ("solve", "view", "gym", "camera"):
             assert locked & {name.lower().replace("_", "-") for name in brought_by.get(package, [package])}, package
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -187,3 +190,23 @@ def test_without_any_folder_kernels_stay_in_memory(
     more = tiny.start()
     assert more(1) == 2 and tiny.start()(1) == 2
     assert len(told.records) == 1
+
+
+@pytest.mark.kernels
+def test_kernels_that_are_moved_are_found(tmp_path: Path) -> None:
+    """By a process that looks for them elsewhere: it compiles nothing, and after an edit of the source it does."""
+    home, kept = tmp_path / "home", tmp_path / "kept"
+    home.mkdir()
+
+    def said(step: int, **where: str) -> str:
+        (home / "tiny.py").write_text(SOURCE.format(njit=BOTH[0], step=step))
+        program = f"import sys; sys.path.insert(0, {str(home)!r}); import tiny; "
+        program += "print(tiny.more(2), len(tiny.more.stats.cache_hits))"
+        command = [sys.executable, "-B", "-c", program]
+        return subprocess.run(command, env=os.environ | where, stdout=subprocess.PIPE, text=True, check=True).stdout
+
+    assert said(1) == "3 0\n"
+    assert kept_kernels.move([home], kept) == 2
+    assert not [*home.rglob("*.nb[ic]")]
+    assert said(1, NUMBA_CACHE_DIR=str(kept)) == "3 1\n"
+    assert said(2, NUMBA_CACHE_DIR=str(kept)) == "4 0\n"

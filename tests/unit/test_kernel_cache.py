@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 from full_disk import files_up_to
 
-from softseam_services.kernel_cache import drop_stale_kernels, kernel_packages
+from softseam_services import kernel_cache
+from softseam_services.kernel_cache import COMPILED_BY, drop_stale_kernels, kernel_packages
 
 _SOURCES = {
     "one/__init__.py": "",
@@ -57,6 +59,16 @@ def test_what_a_change_reaches_is_forgotten(home: Path, changed: str, forgotten:
     assert drop_stale_kernels(packages) == len(forgotten)
     assert {source for source in _COMPILED if not _index(home, source).exists()} == forgotten
     assert drop_stale_kernels(packages) == 0
+
+
+@pytest.mark.parametrize("upgraded", COMPILED_BY)
+def test_all_is_forgotten_that_another_compiler_made(
+    home: Path, upgraded: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Numba itself looks at its own version alone."""
+    monkeypatch.setattr(kernel_cache, "version", lambda name: "9.9" if name == upgraded else version(name))
+    assert drop_stale_kernels([home / "one", home / "two"]) == len(_COMPILED)
+    assert drop_stale_kernels([home / "one", home / "two"]) == 0
 
 
 @pytest.mark.parametrize("damaged", [b"", b"{", b"5", b"null", b"[1]", b'{"": 5}', b"\xff"], ids=repr)

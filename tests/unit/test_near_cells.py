@@ -75,10 +75,14 @@ def _scene(cells: tuple[int, int, int], split: str, models: dict[str, Any]) -> S
 
 
 def _near(cells: tuple[int, int, int], split: str, models: dict[str, Any] | None = None) -> tuple[NearCells, Parts]:
-    scene = _scene(cells, split, models or {})
-    body = build_body(scene, {})
+    scene, body = _scene(cells, split, models or {}), _bar(cells)
     near = NearCells(scene, body, build_tools(scene, body))
     return near, cut("body", body, near.mask, "fem", "pbd")
+
+
+def _bar(cells: tuple[int, int, int]) -> Body:
+    """Their body."""
+    return build_body(_scene(cells, "always", {}), {})
 
 
 def _follow(near: NearCells, sides: Parts, distance: NDArray[np.float64]) -> str:
@@ -138,7 +142,7 @@ def test_a_small_body_has_one_model_whatever_tools_do() -> None:
     assert near.enough == "" == _follow(near, FAR_ALONE, np.ones(3))
     assert "one model is enough" in _follow(near, FAR_ALONE, TOUCHED) and near.mask.all()
     near.mask = np.array([True, False, False])
-    with_far = cut("body", near._body, near.mask, "fem", "pbd")
+    with_far = cut("body", _bar(SMALL), near.mask, "fem", "pbd")
     assert [bool(_follow(near, with_far, np.ones(3))) for _ in range(2)] == [False, True]
     assert near.mask.all() and near.enough  # let go of by the tool
 
@@ -163,14 +167,14 @@ def test_where_one_model_is_enough_no_cut_is_cheaper(cells: tuple[int, int, int]
     """None of fifty, each of one patch about a cell."""
     near, _ = _near(cells, "when_cheaper", models)
     assert near.enough
-    body, rng = near._body, np.random.default_rng(1)
+    body, rng = _bar(cells), np.random.default_rng(1)
     alone = near._cost(np.ones(body.n_cells, dtype=np.bool_))
     for _ in range(50):
         middle = body.cell_grid[rng.integers(body.n_cells)]
         chosen = np.abs(body.cell_grid - middle).max(axis=1) <= rng.integers(3)
         if not chosen.all():
             assert near._cost(chosen) > alone
-    assert one_is_enough(body, near._models, 0.01, True) <= 1.0
+    assert one_is_enough(body, _scene(cells, "always", models).models, 0.01, True) <= 1.0
 
 
 @pytest.mark.kernels
@@ -218,8 +222,9 @@ def test_cells_that_never_became_near_are_counted(n_touched: int) -> None:
     """A tool comes to so many columns of eight cells, the first of which are near from the start; the switch is refused
     three times, then made."""
     near, _ = _near(LONG, "always")
-    distance = np.where(near._body.cell_grid[:, 0] < n_touched, 0.0, 1.0)
-    sides = cut("body", near._body, near.mask, "fem", "pbd")
+    body = _bar(LONG)
+    distance = np.where(body.cell_grid[:, 0] < n_touched, 0.0, 1.0)
+    sides = cut("body", body, near.mask, "fem", "pbd")
 
     def switch() -> int:
         """Cells that are near once the rule asks for a switch; after one that was refused it waits."""

@@ -155,7 +155,7 @@ def report_of(
             message = replace(message, wrench=np.zeros_like(message.wrench))
         builder.add(message)
     for kind, text in told:
-        builder.add(Event(run._header(n_steps), kind, text))
+        builder.add(Event(run.header(n_steps), kind, text))
     return builder.build()
 
 

@@ -21,7 +21,7 @@ def two(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Every step by two threads."""
     monkeypatch.setattr(two_threads, "WORTH_TWO", 1)
     monkeypatch.setattr(two_threads, "cores", lambda: 2)
-    monkeypatch.setattr(TwoThreads, "_pays", lambda self: self.possible)
+    monkeypatch.setattr(TwoThreads, "pays", lambda self: self.possible)
     yield
 
 
@@ -134,16 +134,16 @@ def test_the_faster_way_is_taken_and_the_other_tried_again(monkeypatch: pytest.M
     monkeypatch.setattr(two_threads, "WORTH_TWO", 1)
     monkeypatch.setattr(two_threads, "cores", lambda: 2)
     chooser = TwoThreads(np.zeros(1), np.array([0, 10], dtype=np.int32), 10)
-    chooser._seconds = [1.0, 0.6]
-    chosen = [chooser._pays()]
-    for chooser._n_runs in range(1, two_threads.TRIAL):
-        chosen.append(chooser._pays())
+    chooser.seconds = [1.0, 0.6]
+    chosen = [chooser.pays()]
+    for chooser.n_runs in range(1, two_threads.TRIAL):
+        chosen.append(chooser.pays())
     assert chosen == [True] * (two_threads.TRIAL - 1) + [False]
-    chooser._seconds = [1.0, 1.1]
-    chooser._n_runs = 0
-    assert not chooser._pays()
+    chooser.seconds = [1.0, 1.1]
+    chooser.n_runs = 0
+    assert not chooser.pays()
     small = TwoThreads(np.zeros(1), np.array([0, 0], dtype=np.int32), 10)
-    assert not small._pays()
+    assert not small.pays()
 
 
 @pytest.mark.kernels

@@ -27,7 +27,7 @@ from softseam.replay.show import save_rrd
 from softseam.replay.world import find_scales
 from softseam.report import ReportBuilder
 from softseam.view import colors
-from softseam.view.charts import _holes, drawn_quantities
+from softseam.view.charts import drawn_quantities, hatch_holes
 from softseam.view.surface import DisplaySurface
 from softseam_protocol.messages.session import StepReport
 from softseam_services.recorder.recorder import McapRecorder
@@ -160,7 +160,7 @@ def test_a_beginning_that_is_missing_is_on_the_axis(tmp_path: Path) -> None:
     assert hole.start == 0.0 and hole.steps and hole.end
     axes = Figure().subplots()
     axes.set_xlim(hole.end, 1.0)
-    _holes(axes, recording)
+    hatch_holes(axes, recording)
     assert axes.get_xlim() == (0.0, 1.0)
 
 

@@ -111,7 +111,7 @@ def test_every_substep_of_pbd_feels_its_own_force() -> None:
 @pytest.mark.parametrize("name", ["bdf2", "newmark"])
 def test_a_ramp_works_over_parts_of_a_step_as_over_as_many_steps(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A step that is too hard at once is taken in parts."""
-    monkeypatch.setattr("softseam_services.fem.step._CAREFUL_ITERATIONS", 4)
+    monkeypatch.setattr("softseam_services.fem.step.CAREFUL_ITERATIONS", 4)
     hard, parts = fem(name), fem(name)
     hard.stepper._spec = hard.stepper._spec.model_copy(update={"iterations": 4})
     start, end = 300.0 * forces(hard, 3), 300.0 * forces(hard, 4)

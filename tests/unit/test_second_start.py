@@ -13,7 +13,10 @@ from numba import config
 
 import softseam
 from softseam.losses import tool_force
+from softseam_protocol.messages.participant import Configure, Request
+from softseam_protocol.scene.file import scene_from_bundle
 from softseam_services import warm_up
+from softseam_services.server import ParticipantServer
 
 STEP = """
 import gc
@@ -45,6 +48,18 @@ def test_kernels_of_fem_come_from_the_cache() -> None:
     missed, hits = done.stdout.split("\n")[:2]
     assert missed == ""
     assert int(hits) > 0
+
+
+@pytest.mark.kernels
+def test_contact_in_a_pile_is_compiled_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is asked of a participant then has two bodies that may touch, and stand on each other."""
+    asked: list[Request] = []
+    monkeypatch.setattr(ParticipantServer, "handle", lambda self, request: asked.append(request))
+    warm_up.warm_pile("pbd", touching=True)
+    configure = asked[0]
+    assert isinstance(configure, Configure)
+    scene = scene_from_bundle(configure.bundle)
+    assert [each.between for each in scene.interfaces.values()] == [("first", "second")]
 
 
 def test_a_model_is_compiled_ahead_where_it_never_was_and_can_be_kept(

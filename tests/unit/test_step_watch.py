@@ -136,7 +136,7 @@ def test_who_interrupts_is_not_told_of_a_limit() -> None:
 
 @pytest.mark.kernels
 def test_a_long_step_is_told_of(seen: Observation, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("softseam.step_watch._TELL", 0.5)
+    monkeypatch.setattr("softseam.step_watch.TELL", 0.5)
     told: list[tuple[int, float]] = []
     with StepWatch(0.0, lambda step, seconds: told.append((step, seconds))) as watch:
         watch.taken(after(seen, 11))

@@ -26,7 +26,7 @@ def system(rng: np.random.Generator, n_rows: int, n_hold: int) -> tuple[Floats, 
 @pytest.mark.parametrize("seed", range(8))
 def test_rows_press_or_are_open_and_the_others_hold(seed: int, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """By active sets, and by sweeps alone."""
-    monkeypatch.setattr(unilateral, "_MOST", most)
+    monkeypatch.setattr(unilateral, "MOST", most)
     normal, w, q = system(np.random.default_rng(seed), 9, 3)
     found = Unilateral(normal).solve(w, q)
     left = q + (w @ found.reshape(-1)).reshape(-1, 3)
@@ -43,7 +43,7 @@ def test_rows_press_or_are_open_and_the_others_hold(seed: int, most: int, monkey
 @pytest.mark.parametrize("seed", range(8))
 def test_rows_with_friction_stick_or_slide(seed: int, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """By Newton's method, and by sweeps alone: what sticks stays, what slides goes against its force, at the bound."""
-    monkeypatch.setattr(unilateral, "_MOST", most)
+    monkeypatch.setattr(unilateral, "MOST", most)
     rng = np.random.default_rng(100 + seed)
     normal, w, q = system(rng, 9, 2)
     q = q - normal  # most of them press

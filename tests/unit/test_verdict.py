@@ -147,7 +147,7 @@ def test_the_curves_show_the_same_rise() -> None:
     axes: Axes = Figure().subplots()
     recording = object.__new__(Recording)
     recording.scene = scene(CLOSE, UP)
-    charts._tool_rise(axes, recording, run)
+    charts.draw_tool_rise(axes, recording, run)
     x, y = map(np.asarray, axes.lines[0].get_data())
     assert np.allclose(x, [0.2, 0.3, 0.4]) and np.allclose(y, [0.0, 50.0, 50.0])
     assert np.isclose(1e3 * tool_rise(("left", "right"), run)[-1], y[-1])

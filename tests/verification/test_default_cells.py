@@ -71,7 +71,7 @@ def test_forces_are_within_5_percent(name: str) -> None:
 def test_denser_contact_changes_little(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pressed at vertices, which stick out of facets, the knee was 2.5 % too firm."""
     force = largest_force(squeezed(name))
-    monkeypatch.setattr(embed, "_SPACING", 0.125)
+    monkeypatch.setattr(embed, "SPACING", 0.125)
     assert largest_force(squeezed(name)) == pytest.approx(force, rel=0.01)
 
 

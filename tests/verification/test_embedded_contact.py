@@ -70,7 +70,7 @@ def test_more_points_change_little(
     vertices, triangles = solids.sphere(0.03, refinements)
     solid = vertices * scale, triangles
     force = squeezed(solid, 0.012)
-    monkeypatch.setattr(embed, "_SPACING", 0.125)
+    monkeypatch.setattr(embed, "SPACING", 0.125)
     assert squeezed(solid, 0.012) == pytest.approx(force, rel=0.01)
 
 

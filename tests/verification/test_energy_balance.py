@@ -40,9 +40,9 @@ def energy(reply: Advanced) -> float:
 
 def fem_work(solver: FemSolver, moved: Floats) -> float:
     """f(x_1) . dx [J], on the free nodes."""
-    model, parameters, x = solver._model, solver._parameters, solver.state.x
+    model, parameters, x = solver.model, solver.parameters, solver.state.x
     r = np.zeros(3 * (int(model.cell_order.max()) + 1))
-    subtract_forces(x, model, parameters, solver._stepper.work, r)
+    subtract_forces(x, model, parameters, solver.stepper.work, r)
     order = np.full(len(x), -1)
     order[model.cell_nodes] = model.cell_order
     free = order >= 0
@@ -131,7 +131,7 @@ class Watched(EmbeddedTransport):
         found = {}
         for name, (x, v, reply) in before.items():
             solver, state = self._solver(name), self._state(name)
-            mass = solver._parameters.mass if isinstance(solver, FemSolver) else solver.parameters.arrays.mass
+            mass = solver.parameters.mass if isinstance(solver, FemSolver) else solver.parameters.arrays.mass
             moved, jump = state.x - x, state.v - v
             work = fem_work(solver, moved) if isinstance(solver, FemSolver) else pbd_work(solver, state, moved)
             gained = self.last[name].strain - reply.strain
@@ -151,7 +151,7 @@ class Watched(EmbeddedTransport):
         solver = self._solver(name)
         if isinstance(solver, FemSolver):
             return solver.state
-        return solver._scratch.next if solver._tentative else solver._committed
+        return solver._scratch.next if solver._tentative else solver.committed
 
 
 @pytest.mark.parametrize(

@@ -235,7 +235,7 @@ def test_a_great_load_is_raised_in_parts(monkeypatch: pytest.MonkeyPatch) -> Non
     scene = with_integrator(cantilever(20e3), "static")
     run = FemRun(scene)
     patient = run.step()
-    monkeypatch.setattr("softseam_services.fem.step._CAREFUL_ITERATIONS", 5)
+    monkeypatch.setattr("softseam_services.fem.step.CAREFUL_ITERATIONS", 5)
     fem = scene.models.fem.model_copy(update={"iterations": 20})
     hasty = FemRun(scene.model_copy(update={"models": scene.models.model_copy(update={"fem": fem})}))
     assert hasty.step().extras["iterations"] > 2 * patient.extras["iterations"]

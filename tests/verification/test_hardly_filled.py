@@ -65,7 +65,7 @@ def test_a_uniform_stress_is_told_in_every_octant(
     solid: tuple[Floats, solids.Triangles], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """To 4 %; as the cells have it, it is off by 14 to 40 % where octants are next to empty."""
-    monkeypatch.setattr(embed, "_DRAWN", 0.25)  # tractions are laid on the corners of what is drawn
+    monkeypatch.setattr(embed, "DRAWN", 0.25)  # tractions are laid on the corners of what is drawn
     body = embedded(*solid, 0.014, "linear")
     stress = pulled(body)
     exact = np.outer(AXIS, AXIS)[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]

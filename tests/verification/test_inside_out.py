@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from softseam_services.fem.failures import _SLOPES
+from softseam_services.fem.failures import SLOPES
 from softseam_studies.atlas.runs import squeeze as run
 from softseam_studies.atlas.scenes import data_of
 
@@ -38,4 +38,4 @@ def test_slopes_are_those_of_quadratic_fields() -> None:
     fine = np.linspace(-1.0, 1.0, 5)
     _, at_y, at_x = (axis.reshape(-1) for axis in np.meshgrid(fine, fine, fine, indexing="ij"))
     wanted = np.stack([2.0 * at_x * at_y, at_x**2, np.ones(125)], axis=1)
-    assert np.allclose(_SLOPES @ (x * x * y + z), wanted, atol=1e-14)
+    assert np.allclose(SLOPES @ (x * x * y + z), wanted, atol=1e-14)

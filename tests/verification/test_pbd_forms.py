@@ -192,7 +192,7 @@ def test_hourglass_energies_of_a_skew_block_are_those_of_skew_plates() -> None:
     numbers = run.solver.parameters.blocks
     alone = np.zeros_like(numbers.volume)
     alone[batch, lane] = volume = numbers.volume[batch, lane]
-    energy._numbers = dataclasses.replace(numbers, volume=alone)
+    energy.numbers = dataclasses.replace(numbers, volume=alone)
     a = 1e-4 * np.random.default_rng(5).standard_normal((4, 3))
     x = run.body.x_rest.copy()
     x[blocks.nodes[batch, :, lane]] += MODES.T @ a

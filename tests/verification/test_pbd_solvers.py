@@ -57,11 +57,11 @@ class System:
         """K_b (24, 24) of any block, by the product's forces on the first one."""
         run, h = self.run, 1e-7
         energy, rest = Energy(run), run.body.x_rest[run.region.nodes]
-        whole, numbers = energy._blocks, energy._numbers
+        whole, numbers = energy.blocks, energy.numbers
         only = np.zeros_like(numbers.volume)
         batch, lane = np.argwhere(whole.octant >= 0)[0]
         only[batch, lane] = numbers.volume[batch, lane]
-        energy._numbers = dataclasses.replace(numbers, volume=only)
+        energy.numbers = dataclasses.replace(numbers, volume=only)
         nodes = whole.nodes[batch, :, lane]
         columns = []
         for i in range(24):

@@ -19,7 +19,7 @@ from softseam_protocol.scene.bodies import BlockShape, BodySpec, MeshShape, bloc
 from softseam_protocol.scene.friction_field import LARGEST_SPREAD, FrictionFieldSpec
 from softseam_protocol.scene.scene import Scene
 
-_OF_A_BLOCK = 0.9
+OF_A_BLOCK = 0.9
 """part of a block that a shear wave may go through in a substep of XPBD: by 0.83 pieces at rest stay whole, by 1.0 they
 come apart (`tests/unit/test_batch_env.py`)"""
 
@@ -118,7 +118,7 @@ class Randomise:
         edge = min(size / max(round(size / cell), 1) for size, cell in lines)
         modulus = body.material.young * (1.0 + self.young) / (2.0 * (1.0 + self.poisson[0]))
         speed = math.sqrt(modulus / (body.material.density * (1.0 - self.density)))
-        most = _OF_A_BLOCK * edge * (1.0 - self.size) / speed
+        most = OF_A_BLOCK * edge * (1.0 - self.size) / speed
         if substep > most:
             raise BadInput(
                 f"substeps of {1e3 * substep:g} ms are too long for the stiffest, lightest and smallest "

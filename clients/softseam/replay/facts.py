@@ -41,7 +41,7 @@ def summary(recording: Recording, builder: ReportBuilder, scales: Mapping[str, S
         f"| worst seam gap | {colors.engineering(seam['worst_gap']['value'], 'm')} |",
         f"| exchanges a step | {report['exchanges']['mean']:.2f} |",
         f"| penetration | {colors.engineering(report['penetration']['worst'], 'm')} |",
-        f"| real-time factor | {wall['rtf']:.1f} |" if wall["rtf"] else "| real-time factor | not known |",
+        f"| real-time factor | {wall['rtf']:.3g} |" if wall["rtf"] else "| real-time factor | not known |",
         f"| steps | {report['steps']} of {1e3 * recording.scene.step:g} ms |",
     ]
     for label, (_, names) in colors.grouped(builder.columns.models).items():

@@ -46,7 +46,7 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
             seen = np.isfinite(values)  # some are measured in some steps only
             every[i].plot(time[seen], values[seen] * factor, color=_tone(number), linewidth=1.8)
         if title == "lift_height":
-            _tool_rise(every[i], recording, columns)
+            draw_tool_rise(every[i], recording, columns)
     at = len(quantities)
     if coupled:
         _gap(every[at], columns)
@@ -55,7 +55,7 @@ def draw_curves(recording: Recording, builder: ReportBuilder, path: Path) -> Pat
     for axes in every[:n_plots]:
         _phases(axes, columns)
         axes.set_xlim(time[0] - 0.015 * np.ptp(time), time[-1] + 0.015 * np.ptp(time))
-        _holes(axes, recording)
+        hatch_holes(axes, recording)
     for axes in every[max(0, n_plots - 3) : n_plots]:
         axes.set_xlabel(_TIME, fontsize=9.5, color=SOFT)
     return write(figure, path)
@@ -73,7 +73,7 @@ def draw_time(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
     time, total = columns["time"], columns["seconds.total"]
     wall = builder.build()["wall"]
     figure = Figure(figsize=(12.6, 4.6), dpi=150, facecolor=PAPER)
-    rtf = f"real-time factor {wall['rtf']:.1f}" if wall["rtf"] else "real-time factor not known"
+    rtf = f"real-time factor {wall['rtf']:.3g}" if wall["rtf"] else "real-time factor not known"
     each = 1e3 * wall["total"] / max(len(columns), 1)
     text = f"{rtf}: {each:.2f} ms a step for {1e3 * recording.scene.step:g} ms of motion"
     heading(figure, "Where the time went", text)
@@ -94,8 +94,8 @@ def draw_time(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
     middle.plot(time, 1e3 * _running_median(total), color=INK, linewidth=1.6)
     middle.set_ylim(0.0, 1e3 * max(float(np.quantile(total, 0.99)), 1e-9) * 1.35)
     _phases(middle, columns)
-    _holes(middle, recording)
-    _holes(right, recording)
+    hatch_holes(middle, recording)
+    hatch_holes(right, recording)
     plain(right, "cells in each part", _TIME)
     for label, (tone, names) in colors.grouped(columns.models).items():
         cells = np.sum([np.nan_to_num(columns[f"{name}.cells"]) for name in names], axis=0)
@@ -105,7 +105,7 @@ def draw_time(recording: Recording, builder: ReportBuilder, path: Path) -> Path:
     return write(figure, path)
 
 
-def _tool_rise(axes: Axes, recording: Recording, columns: Columns) -> None:
+def draw_tool_rise(axes: Axes, recording: Recording, columns: Columns) -> None:
     """How far the middle of the tools that lift has risen, as the verdict has it, to compare: from its lowest place."""
     names = lifters(recording.scene)
     rise = tool_rise(names, columns) if names else np.zeros(1)
@@ -149,7 +149,7 @@ def _phases(axes: Axes, columns: Columns) -> None:
         axes.axvspan(borders[i], borders[i + 1], color="#f5f5f3", zorder=0, linewidth=0)
 
 
-def _holes(axes: Axes, recording: Recording) -> None:
+def hatch_holes(axes: Axes, recording: Recording) -> None:
     """Hatched, as curves go straight from one side to the other."""
     for hole in recording.holes:
         if hole.end is not None and hole.steps:

@@ -27,11 +27,11 @@ from softseam_studies.learn.tasks import TASKS, Stage, Task, task_of
 
 _KEPT = 100
 """episodes that the curve is a mean of"""
-_ROW = 2_000
+ROW = 2_000
 """steps between rows of the curve"""
-_SAVE = 20_000
+SAVE = 20_000
 """steps between checkpoints"""
-_WAIT = 20.0
+WAIT = 20.0
 """for the last check [s]"""
 
 
@@ -259,10 +259,10 @@ class _Keeper:
             if done:
                 self._episodes.append((info["episode"]["r"], info["is_success"], info["hardship"]))
         self.training = replace(self.training, done=steps)
-        if self._episodes and steps >= (self._rows[-1][0] if self._rows else 0) + _ROW:
+        if self._episodes and steps >= (self._rows[-1][0] if self._rows else 0) + ROW:
             self._add(steps)
         self._take_check()
-        if steps >= self._saved + _SAVE:
+        if steps >= self._saved + SAVE:
             self.save()
 
     @property
@@ -272,7 +272,7 @@ class _Keeper:
         if len(now.begun) + 1 >= len(now.stages):
             return now.steps
         assert now.stage is not None
-        return min(max(math.ceil(now.stage.part * now.steps), now.done + _ROW), now.steps)
+        return min(max(math.ceil(now.stage.part * now.steps), now.done + ROW), now.steps)
 
     def go_on(self) -> bool:
         """Begin the next stage, if it is time."""
@@ -287,7 +287,7 @@ class _Keeper:
 
     def wait(self) -> None:
         """For the last check, if that does not take long."""
-        self._take_check(_WAIT)
+        self._take_check(WAIT)
 
     @property
     def state(self) -> str:

@@ -22,7 +22,7 @@ Mask = NDArray[np.bool_]
 
 __all__ = ["Unilateral"]
 
-_MOST = 50
+MOST = 50
 """solves before rows are swept"""
 _SWEEPS = 2000
 _SETTLED = 1e-12
@@ -94,7 +94,7 @@ class Unilateral:
     def _press(self, matrix: Floats, right: Floats) -> tuple[Floats, bool]:
         """The unknowns without friction (m,), and whether the active sets settled."""
         scale, y, held = matrix.diagonal(), np.zeros(len(right)), self._kind != ALONG
-        for _ in range(_MOST):
+        for _ in range(MOST):
             active = held | (scale * y - (right + matrix @ y) > 0.0)
             found = np.zeros(len(right))
             if active.any():
@@ -111,7 +111,7 @@ class Unilateral:
         rubs = n[self._bound[n] > 0.0]
         pairs = np.stack([rubs + FIRST_ACROSS, rubs + SECOND_ACROSS], axis=1)
         across = 0.5 * (scale[pairs[:, 0]] + scale[pairs[:, 1]])
-        for _ in range(_MOST):
+        for _ in range(MOST):
             left = right + matrix @ y
             residual, slope = left.copy(), matrix.copy()
             trial = y - left / scale

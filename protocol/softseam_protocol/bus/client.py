@@ -28,7 +28,7 @@ from softseam_protocol.errors import BusError, NoRouter, PortBusy
 from softseam_protocol.topics import DEFAULT_ENDPOINT, EVERY_NODE, node
 from softseam_protocol.wire.codec import encode
 
-_INTRODUCTION = 1.0
+INTRODUCTION = 1.0
 """time in which a publisher learns of those who have subscribed before [s]"""
 
 _LOOKS = 2
@@ -182,7 +182,7 @@ class Bus(BusSession):
         """Whether anybody subscribes to what is published, droppable, under `key`; not sure at first, so it is True."""
         publisher = self._publisher(key, True)
         matching = self._on_session(lambda _: publisher.current.matching_status.matching)
-        return bool(matching) or time.monotonic() - publisher.since < _INTRODUCTION
+        return bool(matching) or time.monotonic() - publisher.since < INTRODUCTION
 
     def _publisher(self, key: str, droppable: bool) -> Declared:
         control = zenoh.CongestionControl.DROP if droppable else zenoh.CongestionControl.BLOCK

@@ -232,15 +232,10 @@ class SeamSpec(Spec):
     )
     tolerance: Positive = Field(
         default=3e-4,
-        description="largest position gap at commit, in cell edges; thrice as much after eight exchanges [1]; a "
-        "step is redone up to four times, too, where more than ten times that share of the seam's forces is in doubt",
+        description="largest position gap at commit, in cell edges [1]; a step is redone up to four times, too, where "
+        "more than ten times that share of the seam's forces is in doubt",
     )
-    exchanges: int = Field(
-        default=16,
-        ge=1,
-        description="most exchanges a step, or a part of one, not counting those in which both sides are tried at once "
-        "with what the other is expected to answer: fifteen of these at most come before",
-    )
+    exchanges: int = Field(default=16, ge=1, description="most exchanges a step, or a part of one")
 
     @field_validator("scheme", mode="before")
     @classmethod

@@ -22,9 +22,9 @@ _NOTHING = 1e-12
 DROPPED = 1e-6
 """cells emptier than this that carry no surface point are left out; their mass is spread over the others"""
 _MOST_CELLS = 200_000
-_DRAWN = 0.5
+DRAWN = 0.5
 """longest edge of the surface's triangles, in edges of a cell"""
-_SPACING = 0.25
+SPACING = 0.25
 """the same where tools press it: so many points that none of a cell's freedoms passes between them (docs/decisions/45);
 where a file has more, those closer than half of that count as one"""
 
@@ -144,8 +144,8 @@ def embed(path: str, vertices: Floats, triangles: Ints, cell: Floats, axes: Floa
         )
     moments = moments_of(vertices, triangles, counts)
     fill = moments[..., 0]
-    vertices, triangles = refine(vertices, triangles, _DRAWN * float(edges.min()))
-    points, area, normal, vertex_of = contact_points(vertices, triangles, _SPACING * float(edges.min()))
+    vertices, triangles = refine(vertices, triangles, DRAWN * float(edges.min()))
+    points, area, normal, vertex_of = contact_points(vertices, triangles, SPACING * float(edges.min()))
     cell_fill = fill_of_cells(fill)
     kept = cell_fill > DROPPED
     carrier, local = _carry(points, corner, size, counts, cell_fill)

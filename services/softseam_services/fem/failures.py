@@ -55,7 +55,7 @@ def _slopes() -> Floats:
     return np.ascontiguousarray(np.stack(found, axis=1))
 
 
-_SLOPES = _slopes()
+SLOPES = _slopes()
 
 
 def alarm(x: Floats, model: FemModel, work: Work, times: int) -> str:
@@ -69,7 +69,7 @@ def alarm(x: Floats, model: FemModel, work: Work, times: int) -> str:
         return ""
     cells = np.flatnonzero(model.whole & ((work.full > 0.0) | work.watched))
     places = x[model.cell_nodes[cells]]
-    volume = np.linalg.det(_SLOPES @ places[:, np.newaxis])  # of each point, in the cell's own measure
+    volume = np.linalg.det(SLOPES @ places[:, np.newaxis])  # of each point, in the cell's own measure
     count = times * int((volume.min(axis=1, initial=np.inf) <= 0.0).sum())
     if not count:
         return ""

@@ -63,8 +63,9 @@ class FemSolver:
         self._reduction = reduction = self.tables.reduction
         self._solved = region if reduction is None else reduction.region
         solved = self.tables.whole if reduction is None else reduction.tables
-        self._model, self._parameters = solved
-        self._stepper = Stepper(scene.models.fem, *solved, self._n_tools)
+        self.model, self.parameters = solved
+        self.stepper = Stepper(scene.models.fem, *solved, self._n_tools)
+        """of these two"""
         self._tentative = False
         self._step: tuple[int, int] | None = None
         self._request: Advance  # the last
@@ -79,7 +80,7 @@ class FemSolver:
             whole = self.tables.whole
             x = follow_roots(whole.model.joints, whole.parameters.joints, state.x[region.nodes])
             begun = self._start(whole, x, state.v[region.nodes], force, tool)
-            if self._model.n_state:
+            if self.model.n_state:
                 begun.material = internal_of(body, state, region.cells)
             self._take_over(begun)
 
@@ -89,7 +90,7 @@ class FemSolver:
             np.ascontiguousarray(x, dtype=np.float64),
             np.ascontiguousarray(v, dtype=np.float64),
             taken_over(tables.model, tables.parameters, x, force, tool, self._n_tools),
-            np.zeros((self._stepper.scheme.n_history, len(x), 3)),
+            np.zeros((self.stepper.scheme.n_history, len(x), 3)),
             material=np.zeros(self._remembered),
             share=np.full(_n_blending(tables.model), -1.0),
         )
@@ -97,12 +98,14 @@ class FemSolver:
     @property
     def _remembered(self) -> tuple[int, int, int]:
         """Shape of what the material remembers."""
-        model = self._model
+        model = self.model
         return (len(model.cell_nodes) if model.n_state else 0, 8, model.n_state)
 
     def _go_on(self, state: FemState) -> None:
         """Go on from a state of what is solved for."""
-        self._committed, self._next = state, state.copy()
+        self.committed = state
+        """that steps begin with, of what is solved for"""
+        self._next = state.copy()
 
     def _take_over(self, whole: FemState) -> None:
         """Go on from a state of the whole region."""
@@ -125,7 +128,7 @@ class FemSolver:
     @property
     def factorisations(self) -> int:
         """Matrices factored since the state was last set."""
-        return self._stepper.factorisations
+        return self.stepper.factorisations
 
     @property
     def state(self) -> FemState:
@@ -134,23 +137,23 @@ class FemSolver:
 
     @property
     def _now(self) -> FemState:
-        return self._next if self._tentative else self._committed
+        return self._next if self._tentative else self.committed
 
     @property
     def strain(self) -> float:
         """Strain energy of the last advanced step [J]."""
         self._look()
-        return self.times * float(strain_energy(self._now.x, self._model, self._parameters, self._stepper.work))
+        return self.times * float(strain_energy(self._now.x, self.model, self.parameters, self.stepper.work))
 
     def _look(self) -> None:
         """Have kernels see the material as it is now."""
-        if self._model.n_state:
-            self._stepper.look(self._now)
+        if self.model.n_state:
+            self.stepper.look(self._now)
 
     @property
     def moving(self) -> tuple[float, float]:
         """Kinetic energy, and that in gravity, of the last advanced step [J]."""
-        parameters, state = self._parameters, self._now
+        parameters, state = self.parameters, self._now
         sunk = (state.x - parameters.x_rest) @ parameters.acceleration
         kinetic = 0.5 * float(parameters.mass @ (state.v * state.v).sum(axis=1))
         return self.times * kinetic, -self.times * float(parameters.mass @ sunk)
@@ -167,19 +170,19 @@ class FemSolver:
             self.commit()
         self._step, self._request = key, request
         problem = problem_of(request, self._n_tools, len(self._region.seam))
-        problem = problem or problem_of_target(request, len(self._region.seam), self._stepper.knows_impedance)
+        problem = problem or problem_of_target(request, len(self._region.seam), self.stepper.knows_impedance)
         if problem:
             return self._failed(request, Status.REFUSED, problem, began)
         tools = moved(self._tools, request.tools)
         if self._reduction is not None:
             self._reduction.check(tools)
-        stepper, now, end = self._stepper, self._committed, self._next
+        stepper, now, end = self.stepper, self.committed, self._next
         if not again:
             np.multiply(now.v, request.dt, out=end.x)
             end.x += now.x
         parts = parts_needed(self._tool_set, request.tools, now.x, now.v, request.dt)
         inputs = StepInputs.of(request, tools, parts)
-        end, self._result = stepper.step(self._model, self._parameters, now, inputs, request.dt, end)
+        end, self._result = stepper.step(self.model, self.parameters, now, inputs, request.dt, end)
         status = self._result.status
         if status == CONVERGED and request.compliance and not stepper.by_error:
             status = stepper.derive(now, end, inputs, request.dt)
@@ -189,16 +192,16 @@ class FemSolver:
         return self._reply(request, Status.CONVERGED, "", began)
 
     def _failed(self, request: Advance, status: Status, why: str, began: float) -> Advanced:
-        now, end = self._committed, self._next
+        now, end = self.committed, self._next
         now.into(end)
         self._tentative = False
-        self._stepper.fail(now)
+        self.stepper.fail(now)
         self._stand(now)
         return self._reply(request, status, why, began)
 
     def _stand(self, now: FemState) -> None:
         """What a step that failed reports: the whole region where it stands."""
-        whole, out = self._extended(now), self._stepper.result.out
+        whole, out = self._extended(now), self.stepper.result.out
         standing = Totals.of(whole.x, whole.v, self.tables.whole.parameters.mass)
         out[kernel.KINETIC], out[kernel.STRAIN] = standing.kinetic, self.strain
         out[kernel.GRAVITY] = self.moving[1]
@@ -219,7 +222,7 @@ class FemSolver:
         self, request: Advance, status: Status, why: str, began: float, correction: Correct | None = None
     ) -> Advanced:
         """What became of a request, or of its correction."""
-        stepper, reduction = self._stepper, self._reduction
+        stepper, reduction = self.stepper, self._reduction
         found, taken = stepper.result, self._result.substeps if status is Status.CONVERGED else AT_ONCE
         out, wrench = found.out.copy(), found.wrench.copy()
         converged = status is Status.CONVERGED
@@ -251,7 +254,7 @@ class FemSolver:
                 compliance=found.compliance.copy() if request.compliance and converged else _NONE,
                 root=stepper.new_compliance_root(request.repeat_compliance) if correctable else _NONE,
                 correctable=correctable,
-                sums=sums_of(self._parameters.mass, self._now.x, self._now.v) if len(self._model.seam) else _NO_SUMS,
+                sums=sums_of(self.parameters.mass, self._now.x, self._now.v) if len(self.model.seam) else _NO_SUMS,
             ),
             extras={
                 Figure.CONTACTS: numbers[kernel.N_CONTACTS],
@@ -262,9 +265,9 @@ class FemSolver:
                 Figure.REJECTED: float(taken.n_rejected),
                 Figure.STEP_ERROR: taken.error,
                 Figure.BLENDED: float(self.times * int(stepper.work.mixed[0])),
-                Figure.PASSING: self.times * float(self._next.passed[0] - self._committed.passed[0]),
-                Figure.GIVEN: self._stepper.given,
-                Figure.DISSIPATED: float(self._next.dissipated[0] - self._committed.dissipated[0]),
+                Figure.PASSING: self.times * float(self._next.passed[0] - self.committed.passed[0]),
+                Figure.GIVEN: self.stepper.given,
+                Figure.DISSIPATED: float(self._next.dissipated[0] - self.committed.dissipated[0]),
                 **({Figure.FASTEST: fastest(self._next.v)} if self._sleeps else {}),
             },
             why=why,
@@ -273,23 +276,23 @@ class FemSolver:
 
     def correct(self, request: Correct) -> Advanced:
         """Move the tentative step on by its linear answer to a force on the seam; see `kernels.linear_answer`."""
-        began, stepper = time.perf_counter(), self._stepper
+        began, stepper = time.perf_counter(), self.stepper
         if not (self._tentative and stepper.correctable):
             raise ValueError("this step cannot be corrected: only one that implicit Euler solved at once can")
         problem = problem_of_correction(request, len(self._region.seam))
         if problem:
             raise ValueError(problem)
-        stepper.correct(self._committed, self._next, self._request.dt, request, self._tools)
+        stepper.correct(self.committed, self._next, self._request.dt, request, self._tools)
         return self._reply(self._request, Status.CONVERGED, "", began, request)
 
     def begin_tape(self, tools: ToolSet, dt: float) -> FemTape:
         """Keeps a run from here, in steps of dt [s], between tools that never turn; see `differentiable`."""
-        return FemTape(self, self._stepper.scheme, with_round_edges(tools, self._body), dt)
+        return FemTape(self, self.stepper.scheme, with_round_edges(tools, self._body), dt)
 
     @property
     def augmented(self) -> list[Augmentation]:
         """Solutions of the last step before its end, where it was solved again as points were in deep."""
-        work, found = self._stepper.work, []
+        work, found = self.stepper.work, []
         for number in range(int(work.augmentations[0])):
             state = self._now.copy()
             state.x[:] = work.augmented_x[number]
@@ -299,13 +302,13 @@ class FemSolver:
     @property
     def capabilities(self) -> Capabilities:
         """What it can do for its region."""
-        at_once = self._stepper.at_once
+        at_once = self.stepper.at_once
         return Capabilities(True, at_once, at_once, 1, True, True, 0.0)
 
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""
         if self._tentative:
-            self._committed, self._next = self._next, self._committed
+            self.committed, self._next = self._next, self.committed
             self._tentative = False
 
     def discard(self) -> None:
@@ -314,16 +317,16 @@ class FemSolver:
 
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
-        work = self._stepper.work
+        work = self.stepper.work
         self._look()
-        strain_energy(self._now.x, self._model, self._parameters, work)
+        strain_energy(self._now.x, self.model, self.parameters, work)
         energy = work.energy.copy() if self._reduction is None else work.energy[self._reduction.cell]
         return self._reader.read(request_header, self.state, energy, self._scratch, indicators, own)
 
     @cached_property
     def _scratch(self) -> Work:
         """Of the whole region."""
-        return self._stepper.work if self._reduction is None else build_work(*self.tables.whole, self._n_tools)
+        return self.stepper.work if self._reduction is None else build_work(*self.tables.whole, self._n_tools)
 
     @cached_property
     def _reader(self) -> FieldReader:
@@ -332,19 +335,19 @@ class FemSolver:
     def snapshot(self) -> bytes:
         """Commit, drop the factor and the first guess, and return the state."""
         self.commit()
-        whole = self._extended(self._committed)
+        whole = self._extended(self.committed)
         self._take_over(whole)  # as who restores it does, to the last bit
         self._forget()
         past = np.array([whole.past, float(whole.level)])
-        more = [whole.material, whole.dissipated] if self._model.n_state else []
+        more = [whole.material, whole.dissipated] if self.model.n_state else []
         return pack(whole.x, whole.v, whole.contact, whole.history, past, whole.share, whole.passed, *more)
 
     def restore(self, state: bytes) -> None:
         """Replace the state by one that `snapshot` of an equal region returned."""
-        n_history, n_points = self._committed.history.shape[0], len(self.tables.whole.model.point_face)
+        n_history, n_points = self.committed.history.shape[0], len(self.tables.whole.model.point_face)
         place, contact_shape = (self.n_nodes, 3), (n_points, self._n_tools, N_STATE)
         shapes = [place, place, contact_shape, (n_history, *place), (2,), (_n_blending(self.tables.whole.model),), (1,)]
-        shapes += [self._remembered, (1,)] if self._model.n_state else []
+        shapes += [self._remembered, (1,)] if self.model.n_state else []
         x, v, contact, history, past, share, passed, *others = unpack(state, *shapes)
         material, lost = others or (np.zeros(self._remembered), np.zeros(1))
         times = float(past[0]), int(past[1])
@@ -354,7 +357,7 @@ class FemSolver:
     def _forget(self) -> None:
         self._tentative = False
         self._step = None
-        self._stepper.forget()
+        self.stepper.forget()
 
 
 def _n_blending(model: FemModel) -> int:

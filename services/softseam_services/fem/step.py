@@ -30,7 +30,7 @@ from .state import FemState
 from .turning import begins, free_to_turn
 from .work import build_work
 
-_CAREFUL_ITERATIONS = 200
+CAREFUL_ITERATIONS = 200
 # A careful step that takes longer is sooner done in parts.
 _CAREFUL_AT_FIRST = 60
 _MOST_HALVINGS = 5
@@ -325,7 +325,7 @@ class Stepper:
             dt, tools = length * share, part_of(inputs.tools, place * share, (place + 1) * share)
             iterations = 0.0
             for careful in (False, True) if level >= substeps.DEEPEST else (False,):
-                most = _CAREFUL_ITERATIONS if careful else self._spec.iterations
+                most = CAREFUL_ITERATIONS if careful else self._spec.iterations
                 status = self._advance(begin, end, dt, inputs.seam_force, tools, most, careful, pace=share)
                 iterations += self.result.out[kernel.N_ITERATIONS]
                 if status == CONVERGED:
@@ -356,7 +356,7 @@ class Stepper:
                     if careful or pieces > 1:
                         self.work.memo[FACTORED] = 0.0
                         end.x[:] = begin.x
-                        most = _CAREFUL_ITERATIONS if pieces > 1 else min(_CAREFUL_AT_FIRST, _CAREFUL_ITERATIONS)
+                        most = CAREFUL_ITERATIONS if pieces > 1 else min(_CAREFUL_AT_FIRST, CAREFUL_ITERATIONS)
                         most = most if careful else self._spec.iterations
                         status = self._advance(
                             begin, end, dt, force, tools, most, careful, pieces - piece, 1.0 / pieces

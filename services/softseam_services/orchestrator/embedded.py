@@ -13,7 +13,7 @@ from softseam_services.server import ParticipantServer, Setup
 
 _BUNDLES = 4
 """of which participants that are built later share the bodies: the last ones"""
-_WORTH_A_THREAD = 6e-4
+WORTH_A_THREAD = 6e-4
 """[s]; a hand-over to another thread costs about a tenth of that, and kernels leave the interpreter to the other"""
 
 
@@ -39,7 +39,7 @@ class EmbeddedTransport:
     def exchange(self, requests: Mapping[str, Request]) -> dict[str, Reply]:
         names = list(requests)
         replies: dict[str, Reply] = {}
-        long = [name for name in names if self._seconds.get((name, type(requests[name])), 0.0) > _WORTH_A_THREAD]
+        long = [name for name in names if self._seconds.get((name, type(requests[name])), 0.0) > WORTH_A_THREAD]
         if len(long) > 1:
             if self._pool is None:
                 self._pool = ThreadPoolExecutor(max(1, cores() - 1), thread_name_prefix="participant")

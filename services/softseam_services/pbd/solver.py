@@ -47,37 +47,38 @@ class PbdSolver:
         self._reader = FieldReader(model, body, region, self._scratch.ws, self._scratch.arrays.xw)
         self.substeps = self._scratch.planned
         sizes = model.n_nodes, model.blocks.n_batches, model.n_points, model.n_tools
-        self._committed = new_state(*sizes, parameters.blocks.n_state)
+        self.committed = new_state(*sizes, parameters.blocks.n_state)
+        """that steps begin with"""
         self._tentative = False
         self._taken: StepResult  # what became of it
         self._probe: SeamProbe | None = None
         self._probed = np.zeros(0)  # the state that was probed, see `_compliance`; empty: none
         self._ways = no_ways()  # what came of it, see `SeamProbe.compliance`; empty: not found yet
         self._to_plan = False  # whether the tentative step was taken in one attempt
-        start_state(model, parameters, body, region, state, self._scratch, self._committed)
+        start_state(model, parameters, body, region, state, self._scratch, self.committed)
         if parameters.explicit:
             self._load_kernel()
 
     def _load_kernel(self) -> None:
         """Compile or load the explicit step before anybody waits for one: a substep that leaves no trace."""
-        np.copyto(self._scratch.next.buffer, self._committed.buffer)
+        np.copyto(self._scratch.next.buffer, self.committed.buffer)
         leap_ahead(self.model, self.parameters, 1e-9, 1, self._scratch)
         self._scratch.outputs.result[:] = 0.0
 
     @property
     def strain(self) -> float:
         """Strain energy of the last committed step [J]."""
-        return float(self._committed.monitor[trust.STRAIN])
+        return float(self.committed.monitor[trust.STRAIN])
 
     @property
     def moving(self) -> tuple[float, float]:
         """Kinetic energy, and that in gravity, of the last committed step [J]."""
-        return float(self._committed.monitor[trust.KINETIC]), float(self._committed.monitor[trust.GRAVITY])
+        return float(self.committed.monitor[trust.KINETIC]), float(self.committed.monitor[trust.GRAVITY])
 
     @property
     def positions(self) -> Floats:
         """Positions of the region's nodes at the end of the last committed step (n, 3) [m]."""
-        return self._committed.x
+        return self.committed.x
 
     def advance(self, request: Advance) -> Advanced:
         start = time.perf_counter()
@@ -85,10 +86,10 @@ class PbdSolver:
         if not refused and len(request.coupling_target):
             refused = watch.Fault.ANCHOR.text
         if refused:
-            self._taken = stay(self.parameters, self._committed, self._scratch)
+            self._taken = stay(self.parameters, self.committed, self._scratch)
         else:
             inputs = StepInputs(request.tools, request.coupling_force, request.coupling_force_start, request.turn)
-            _, self._taken = step(self.model, self.parameters, self._committed, inputs, request.dt, self._scratch)
+            _, self._taken = step(self.model, self.parameters, self.committed, inputs, request.dt, self._scratch)
         self._tentative, self._to_plan = True, self._taken.to_plan
         compliance = np.zeros((0, 0))
         if request.compliance and not refused:
@@ -141,7 +142,7 @@ class PbdSolver:
 
     def _compliance(self, request: Advance) -> Floats:
         """Probe the committed state, and keep what was probed, so that a restored participant can probe it again."""
-        committed, tools, ramp = self._committed, request.tools, len(request.coupling_force_start) > 0
+        committed, tools, ramp = self.committed, request.tools, len(request.coupling_force_start) > 0
         parts = (committed.x, committed.force, committed.lean, tools.position, tools.orientation, committed.memory)
         self._probed = np.concatenate([[request.dt], *(part.ravel() for part in parts)])
         compliance, self._ways = self._probe_again(ramp)
@@ -159,7 +160,7 @@ class PbdSolver:
         model = self.model
         self._probe = self._probe_for(float(self._probed[0]))
         of_points = model.n_points, model.n_tools
-        of_tools, remembered = ((model.n_tools, 3), (model.n_tools, 4)), self._committed.memory.shape
+        of_tools, remembered = ((model.n_tools, 3), (model.n_tools, 4)), self.committed.memory.shape
         shapes = ((model.n_nodes, 3), (*of_points, 3), (*of_points, 2), *of_tools, remembered)
         ends = np.cumsum([1, *(int(np.prod(shape)) for shape in shapes)])
         x, force, lean, position, orientation, memory = (
@@ -194,7 +195,7 @@ class PbdSolver:
             *(probe.ids, probe.beyond, self._ways, np.empty(self._ways.shape[1:]), scratch.arrays, result, scratch.ws),
         )
         watch.settle(work.monitor, result)
-        moved = work.x.take(seam, axis=0) - self._committed.x.take(seam, axis=0)
+        moved = work.x.take(seam, axis=0) - self.committed.x.take(seam, axis=0)
         result[k.SEAM_WORK] = float(np.vdot(request.force, moved))
         return self._reply(request.header, self._taken.fault.why, np.zeros((0, 0)), NO_FORCES, began)
 
@@ -206,7 +207,7 @@ class PbdSolver:
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""
         if self._tentative:
-            self._committed, self._scratch.next = self._scratch.next, self._committed
+            self.committed, self._scratch.next = self._scratch.next, self.committed
             self._tentative = False
 
     def discard(self) -> None:
@@ -215,19 +216,19 @@ class PbdSolver:
 
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
-        state = self._scratch.next if self._tentative else self._committed
+        state = self._scratch.next if self._tentative else self.committed
         return self._reader.read(request_header, self.parameters, state, indicators, own)
 
     def snapshot(self) -> bytes:
         """Commit, then everything that the future depends on; there is no cache that could change later bits."""
         self.commit()
-        return encode_state(self._committed, self._probed)
+        return encode_state(self.committed, self._probed)
 
     def restore(self, state: bytes) -> None:
         """Take over a snapshot of the same region; a tentative step is dropped."""
         model, t = self.model, self.model.n_tools
-        most_probed = 1 + 3 * model.n_nodes + 5 * model.n_points * t + 7 * t + self._committed.memory.size
-        self._probed = decode_state(state, self._committed, most_probed)
+        most_probed = 1 + 3 * model.n_nodes + 5 * model.n_points * t + 7 * t + self.committed.memory.size
+        self._probed = decode_state(state, self.committed, most_probed)
         self._ways = no_ways()
         if len(self._probed):
             self._probe = self._probe_for(float(self._probed[0]))

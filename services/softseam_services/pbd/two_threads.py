@@ -52,12 +52,14 @@ class TwoThreads:
         self._alone, self._crew = new_team(alone=True), new_team(alone=False)
         self._ws = ws
         self._other_ws = new_workspace() if self.possible else ws
-        self._seconds = [0.0, 0.0]
-        self._n_runs = 0
+        self.seconds = [0.0, 0.0]
+        """that the last run took by one thread, and by two, over its amount [s]; 0: none yet"""
+        self.n_runs = 0
+        """so far"""
 
     def run(self, amount: int, kernel: Callable[..., None], *arguments: Any) -> None:
         """kernel(*arguments, parts, team, worker, workspace) to the end; its time goes with `amount`."""
-        two = self._pays()
+        two = self.pays()
         began = time.perf_counter()
         if two:
             start_team(self._crew)
@@ -68,13 +70,13 @@ class TwoThreads:
         else:
             kernel(*arguments, self._all, self._alone, 0, self._ws)
         now = (time.perf_counter() - began) / amount
-        before = self._seconds[two]
-        self._seconds[two] = min(now, FORGET * before) if before > 0.0 else now
-        self._n_runs += 1
+        before = self.seconds[two]
+        self.seconds[two] = min(now, FORGET * before) if before > 0.0 else now
+        self.n_runs += 1
 
-    def _pays(self) -> bool:
+    def pays(self) -> bool:
         """Two threads, if they were faster of late; each way is tried at the start and now and then."""
         if not self.possible:
             return False
-        faster = self._seconds[1] < self._seconds[0]
-        return faster != (self._n_runs % TRIAL == TRIAL - 1)
+        faster = self.seconds[1] < self.seconds[0]
+        return faster != (self.n_runs % TRIAL == TRIAL - 1)

@@ -46,7 +46,8 @@ class ParticleSolver:
         self.model = model = build_model(body, spec) if model is None else model
         self.parameters = parameters = build_parameters(model, body, tools, spec, constraints_of(scene))
         self._scratch = StepScratch(model, parameters, scene.step)
-        self._committed = start = new_state(body.n_nodes, len(tools.names), body.solid is not None)
+        self.committed = start = new_state(body.n_nodes, len(tools.names), body.solid is not None)
+        """that steps begin with"""
         self._tentative = False
         start.x[:] = body.x_rest if state is None else state.x
         start.v[:] = body.v_initial if state is None else state.v
@@ -63,7 +64,7 @@ class ParticleSolver:
         """
         tools, scratch = self.parameters.tools, self._scratch
         motion = ToolMotion(tools.position, tools.orientation, tools.position, tools.orientation)
-        np.copyto(scratch.next.buffer, self._committed.buffer)
+        np.copyto(scratch.next.buffer, self.committed.buffer)
         advance(self.model, self.parameters, motion, 1e-6, 1, scratch)
         of, outputs = scratch.arrays.multipliers, scratch.outputs
         multipliers = of.spring, of.bend, of.strain, of.pair, of.volume, of.joined
@@ -78,12 +79,12 @@ class ParticleSolver:
     @property
     def strain(self) -> float:
         """Strain energy of the last committed step [J]."""
-        return float(self._committed.strain[0])
+        return float(self.committed.strain[0])
 
     @property
     def moving(self) -> tuple[float, float]:
         """Kinetic energy, and that in gravity, of the last committed step [J]."""
-        body, state = self.parameters.body, self._committed
+        body, state = self.parameters.body, self.committed
         sunk = (state.x - body.x_rest) @ body.gravity
         return 0.5 * float(body.mass @ (state.v * state.v).sum(axis=1)), -float(body.mass @ sunk)
 
@@ -91,9 +92,9 @@ class ParticleSolver:
         began = time.perf_counter()
         wrong = problem_of(request, len(self.parameters.tools.names), 0)
         if wrong:
-            taken = stay(self._committed, self._scratch)
+            taken = stay(self.committed, self._scratch)
         else:
-            _, taken = step(self.model, self.parameters, self._committed, request.tools, request.dt, self._scratch)
+            _, taken = step(self.model, self.parameters, self.committed, request.tools, request.dt, self._scratch)
         self._tentative = True
         result, alarm, fault, work = taken.figures, self._alarm(), taken.fault, self._scratch.next
         return Advanced(
@@ -167,7 +168,7 @@ class ParticleSolver:
     def commit(self) -> None:
         """Accept the tentative step; does nothing if there is none."""
         if self._tentative:
-            self._committed, self._scratch.next = self._scratch.next, self._committed
+            self.committed, self._scratch.next = self._scratch.next, self.committed
             self._tentative = False
 
     def discard(self) -> None:
@@ -176,7 +177,7 @@ class ParticleSolver:
 
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
-        state = self._scratch.next if self._tentative else self._committed
+        state = self._scratch.next if self._tentative else self.committed
         body, outputs = self.parameters.body, self._scratch.outputs
         owner = body.skin.owner
         self._measure(state.x)
@@ -200,9 +201,9 @@ class ParticleSolver:
     def snapshot(self) -> bytes:
         """Commit, then everything that the future depends on; lists of contacts are made anew in every step."""
         self.commit()
-        return encode_state(self._committed)
+        return encode_state(self.committed)
 
     def restore(self, state: bytes) -> None:
         """Take over a snapshot of the same body; a tentative step is dropped."""
-        decode_state(state, self._committed)
+        decode_state(state, self.committed)
         self._tentative = False
