@@ -19,7 +19,8 @@ a    the sibling errs by more, (1) of sibling.py, but errors grow slowly at edge
      forces of tools on a body that nothing holds are of blows, which err as the root of a step: a = 1/(2^(1/2) - 1)
 b    of large differences most is the sibling's own error, which grew faster than its cells; of a run by XPBD less is,
      for its model may err by as much, and of meshes, which lie otherwise in other cells: their error does not fall with
-     the length of these alone. Stress follows from derivatives, and is of first order: a b = 1, by (1) of sibling.py
+     the length of these alone. Stress follows from derivatives, and is of first order: a b = 1, by (1) of sibling.py;
+     of XPBD its model's error is as large again, b = 1
 c    where steps take much of the motion, their error no longer grows with their length: what swings or rebounds within
      a few steps is lost by the run and by its sibling alike. K is the kinetic energy, D what a step took, and E the
      largest energy. What steps take beyond the motion that there was is of bodies that tools press slowly, whose work
@@ -30,7 +31,7 @@ h    the true peak is between two steps, but for compression: tools stop within 
      is one step's all for whatever these move, compression, too: a force is reached within one, and passed at its end
 f    two curves that cross, or that an edge within a cell bends alike, differ by less than either errs; forces of tools
      most often, whose edges lie anywhere within cells of both, stress, runs by XPBD, whose model's error may be the
-     sibling's of its cells, and single numbers
+     sibling's of its cells, and single numbers, but for a compression that tools prescribe
 
 Nothing is claimed of slip while a body only creeps: points beside the edges of a contact slide by a hundredth of a
 cell, which neither these cells nor longer ones show. And what would be claimed to be off by more than it is, is *not
@@ -180,11 +181,11 @@ class Scale:
         if kind == "slip":
             return replace(self, small=OF_SLIP, beyond=1.0, timed=True)
         if kind == "compression":
-            return self if self.timed else replace(self, beside=0.0)
+            return self if self.timed else replace(self, beside=0.0, least=LEAST)
         if kind == "lift_height":
             return replace(self, beyond=1.0)
         if quantity(name).unit == "Pa":
-            return replace(self, beyond=BEYOND_OF_STRESS, least=LEAST_OTHERWISE)
+            return replace(self, beyond=BEYOND_OF_STRESS if self.alike else 1.0, least=LEAST_OTHERWISE)
         if kind not in OF_TOOLS:
             return self
         return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OTHERWISE, beside=2.0 * BESIDE)
@@ -247,7 +248,8 @@ def _claim(
     own, (off, size), longer = scale.at(name), difference(entry, other), "shorter" if scale.finer else "longer"
     apart = f"it differs by {100.0 * off / size:.0f} %" if size > 0.0 else "it is not 0"
     found = _settled(name, own.claim(off, size, in_a_step(entry)), size, f"{apart} with {longer} cells and steps")
-    number = replace(own, least=max(own.least, LEAST_OTHERWISE))
+    prescribed = own.beside == 0.0
+    number = own if prescribed else replace(own, least=max(own.least, LEAST_OTHERWISE))
     unit, factor = shown_unit(name)
     for reading, read in READINGS.items():
         (value, late, beside), (there, _, _) = read(*measured(entry)), read(*measured(other))
