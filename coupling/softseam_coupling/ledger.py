@@ -24,17 +24,19 @@ __all__ = ["Alarm", "Energies", "EnergyLedger", "LedgerEntry", "LedgerState"]
 
 
 class Alarm(Enum):
-    """What the ledger warns of; the text names the remedy."""
+    """What the ledger warns of; the text names the remedy, where shorter steps are one as `said` has it."""
 
     SEAM_WORK = "the seam does more work than 0.1 % of the energy: tighten its tolerance, or shorten the step"
     CREATED = (
         "steps add energy that neither tools nor gravity put in, in sum more than a hundredth of the most that moved "
-        "or was strained: shorten the step"
+        "or was strained: {shorten}"
     )
-    CONTACT = (
-        "contact does more work on the body than the tools' motion puts in: shorten the step, or slow the tools down"
-    )
+    CONTACT = "contact does more work on the body than the tools' motion puts in: {shorten}, or slow the tools down"
     SWITCH = "the region switch cost more than its share of the energy: switch earlier or let the body calm down"
+
+    def said(self, substeps: bool) -> str:
+        """In words; substeps: whether the body moves in substeps, which are as long in shorter steps."""
+        return self.value.format(shorten="take more models.pbd.substeps" if substeps else "shorten the step")
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,15 +14,16 @@ from claimed_block import sibling, write_block
 from softseam.claims.claim import (
     BESIDE,
     BEYOND,
+    BEYOND_OF_STRESS,
     BEYOND_OTHERWISE,
     FINER,
     LEAST,
-    LEAST_OF_TOOLS,
+    LEAST_OTHERWISE,
     OF_BLOWS,
     OF_CURVE,
+    OF_MEAN,
     OF_MOTION,
     OF_SLIP,
-    READ,
     SLIDES,
     SMALL,
     Scale,
@@ -99,7 +100,7 @@ def test_forces_of_tools_on_what_nothing_holds_claim_more(block: str, off: float
     found = claims(run, other, scale)
     shares = [float(found[name]["share"] or 0.0) - OF_MOTION * scale.taken * off for name in found]
     small = min(off, 0.05) + BEYOND * max(0.0, off - 0.05)
-    forces = (SMALL if held else OF_BLOWS) * small + LEAST_OF_TOOLS
+    forces = (SMALL if held else OF_BLOWS) * small + LEAST_OTHERWISE
     assert shares == pytest.approx([forces, SMALL * small + LEAST])
 
 
@@ -135,6 +136,14 @@ def ledger(kinetic: list[float], dissipation: list[float]) -> dict[str, Any]:
     return {"ledger": {"kinetic": kinetic, "dissipation": dissipation}, "largest": 2.0}
 
 
+def grip(until: dict[str, float], force: float | None = None) -> Scene:
+    """Tofu that is gripped so."""
+    close = {"tools": ["left", "right"], "close": 0.02, "until": until, **({"force": force} if force else {})}
+    return Scene.model_validate(
+        {**json.loads(scene_json(bundle_of("tofu_grasp")[0])), "motion": [close, {"hold": 0.1}]}
+    )
+
+
 @pytest.mark.parametrize(
     ("until", "force", "timed"),
     [({"compression": 0.1}, None, False), ({"time": 0.1}, 2.0, True), ({"force": 1.0}, None, True)],
@@ -143,10 +152,7 @@ def test_forces_time_motion_where_they_end_a_phase_or_are_kept(
     until: dict[str, float], force: float | None, timed: bool
 ) -> None:
     """Of a grip: one that it waits for, and its own."""
-    grip = {"tools": ["left", "right"], "close": 0.02, "until": until, **({"force": force} if force else {})}
-    scene = Scene.model_validate(
-        {**json.loads(scene_json(bundle_of("tofu_grasp")[0])), "motion": [grip, {"hold": 0.1}]}
-    )
+    scene = grip(until, force)
     scale = Scale.of(scene, report(), finer=False)
     assert (scale.alike, scale.timed) == (True, timed) and scale.taken == pytest.approx(0.1)
     told = compared(report(), report() | {"outcome": "lifted", "seconds": 0.25}, Sibling(scene, (), False, 0.2))["text"]
@@ -165,6 +171,8 @@ def report(outcome: str = "lifted") -> dict[str, Any]:
 
 
 PLAIN = Scale(alike=True, taken=0.0)
+NUMBER = replace(PLAIN, least=LEAST_OTHERWISE)
+"""of what is read off a curve"""
 TIME = np.linspace(0.1, 1.0, 10)
 
 
@@ -190,14 +198,57 @@ def test_a_peak_is_claimed_by_the_peaks_of_both_runs() -> None:
     blow = np.where(np.arange(10) == 4, 1.0, 0.0) + 1.0
     found = claimed("grip_force", blow, np.where(blow > 1.5, 1.6, 1.0))
     own, over = abs(2.0 - 1.6), OF_CURVE * difference(entry(TIME, blow), entry(TIME, np.minimum(blow, 1.6)))[0]
-    rule = READ * PLAIN.at("grip_force").claim(own + over, 2.0, 0.0) + BESIDE * 1.0
+    rule = NUMBER.claim(max(own, over), 2.0, 0.0) + BESIDE * 1.0
     assert found["peak"]["absolute"] == pytest.approx(rule)
     assert found["end"]["absolute"] < 0.6 * found["peak"]["absolute"]
-    squeeze = np.minimum(TIME, 0.5)
-    assert claimed("compression", squeeze, squeeze)["peak"]["share"] < 0.01  # tools stop within a step
+    squeeze = np.minimum(TIME, 0.45)
+    assert claimed("compression", squeeze, squeeze)["peak"]["share"] == pytest.approx(LEAST)  # tools stop within a step
     swing = claimed("tip_deflection", -TIME, -0.9 * TIME)
     assert swing["peak"]["value"] == -1.0 and swing["mean"]["value"] == pytest.approx(-0.55)
     assert swing["peak"]["absolute"] > swing["mean"]["absolute"] > 0.0
+
+
+def test_a_peak_that_a_force_ends_is_known_to_a_step() -> None:
+    """It is passed at the end of a step: by a grip's force, and by the compression that takes."""
+    timed = Scale.of(grip({"force": 1.0}), report(), finer=False)
+    rising = np.minimum(TIME, 0.5)
+    for name in ("grip_force", "compression"):
+        found = claimed(name, rising, rising, timed)["peak"]
+        assert found["absolute"] == pytest.approx(0.1 + LEAST_OTHERWISE * found["value"])
+
+
+def test_curves_that_meet_are_known_to_half_of_their_difference() -> None:
+    """Numbers that differ by more are to that; of a mean errors at both signs are less."""
+    crossing = TIME + 0.08 * np.cos(np.pi * TIME / 2.0)
+    (off, size), found = difference(entry(TIME, TIME), entry(TIME, crossing)), claimed("sag", TIME, crossing)
+    assert found["end"]["absolute"] == pytest.approx(NUMBER.claim(OF_CURVE * off, 1.0, 0.0))
+    mean = float(np.trapezoid(crossing - TIME, TIME) / np.ptp(TIME))
+    assert mean > OF_CURVE * off
+    assert found["mean"]["absolute"] == pytest.approx(OF_MEAN * NUMBER.claim(mean, size, 0.0))
+
+
+def test_what_a_mesh_differs_by_counts_more(tmp_path: Path) -> None:
+    """Its surface lies otherwise in other cells; stress is of first order: its claim is no less than the difference."""
+    mesh = Scale.of(bundle_of("dumpling")[0], report(), finer=False)
+    assert mesh.claim(0.3, 1.0, 0.0) == pytest.approx(rule(0.3, mesh.taken, BEYOND_OTHERWISE) + LEAST)
+    for scale in (mesh, PLAIN):
+        stress = scale.at("von_mises_p99")
+        assert stress.claim(0.3, 1.0, 0.0) == pytest.approx(rule(0.3, scale.taken, BEYOND_OF_STRESS) + LEAST_OTHERWISE)
+        assert stress.claim(0.3, 1.0, 0.0) > 0.3
+    by_xpbd = replace(PLAIN, alike=False).at("von_mises_p99")
+    assert by_xpbd.claim(0.3, 1.0, 0.0) == pytest.approx(SMALL * 0.3 + LEAST_OTHERWISE)
+
+
+def test_factors_are_told_by_what_they_are_of() -> None:
+    """Slip's was given as that of tools' forces."""
+    still = {"kinetic": [0.0, 0.0], "dissipation": [0.0, 0.0]}
+    run = report() | {"energy": {"ledger": still, "largest": 1.0}}
+    run["quantities"] = {name: entry([0.1, 0.2], [1.0, 2.0]) for name in ("grip_force", "slip", "ground.force")}
+    found = compared(run, run | {"outcome": "lifted", "seconds": 0.25}, Sibling(grip({"time": 1.0}), (), False, 0.2))
+    assert "± is 2 times the difference (of tools' forces 2.4, of slip 3), less" in found["text"]
+    del run["quantities"]["slip"]
+    found = compared(run, run | {"outcome": "lifted", "seconds": 0.25}, Sibling(grip({"time": 1.0}), (), False, 0.2))
+    assert "± is 2 times the difference (of tools' forces 2.4), less" in found["text"]
 
 
 @pytest.mark.parametrize("grows", [1.2, 8.0])

@@ -12,6 +12,7 @@ from fem_run import FemRun
 from pbd_run import PbdRun
 from scipy.spatial.transform import Rotation
 
+import softseam
 from softseam_protocol.scene.scene import Scene
 from softseam_services.tools import edged
 
@@ -228,3 +229,29 @@ def test_a_block_that_falls_on_a_resting_edge_gains_nothing(
         now = reply.kinetic + reply.strain + reply.gravity
         energy = now if energy is None else energy
         assert now < energy * (1.0 + 1e-3) + 1e-3 * 4.5e-3
+
+
+@pytest.mark.parametrize("substeps", ["auto", 8])
+def test_an_edge_that_feeds_a_body_of_xpbd_is_told_with_what_helps(substeps: int | str) -> None:
+    """It was told to shorten the step, which leaves substeps as long as they are: half of it made twice the energy.
+    Eight substeps, of .06 ms, make none."""
+    turn = np.array([0.6, 0.45, 0.2])
+    below = float(np.abs(Rotation.from_rotvec(turn).as_matrix()[2]) @ np.array([0.03, 0.06, 0.02]) / 2.0)
+    material = {"kind": "neo_hookean", "young": 60e3, "poisson": 0.42, "density": 1050.0}
+    body: dict[str, Any] = {"shape": {"kind": "block", "size": (0.05, 0.04, 0.03)}, "cell": 0.0125}
+    body |= {"material": material, "position": (0.002, 0.003, below + 0.0005), "velocity": (0.0, 0.0, -0.05)}
+    edge = {"kind": "box", "size": (0.03, 0.06, 0.02), "position": (0.0, 0.0, 0.0), "rotation": tuple(turn)}
+    keys: dict[str, Any] = {"tools": {"edge": edge}, "models": {"pbd": {"substeps": substeps}}}
+    keys |= {"step": 5e-4, "duration": 0.06, "regions": {"default": "pbd"}, "body": body}
+    told: list[str] = []
+    energy: list[float] = []
+    with softseam.open(Scene.model_validate({"softseam": 1, "name": "dropped", **keys})) as sim:
+        sim.reset()
+        while not sim.done:
+            seen = sim.step(fields=False)
+            energy.append(sum(seen.energies[name] for name in ("kinetic", "strain", "gravity")))
+            told += [event.message for event in seen.events if event.kind == "energy"]
+    if substeps == "auto":
+        assert len(told) == 1 and "take more models.pbd.substeps" in told[0] and "shorten the step" not in told[0]
+    else:
+        assert not told and max(energy) < energy[0] + 1e-6

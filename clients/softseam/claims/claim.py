@@ -6,9 +6,9 @@ claim = a (min(x, d0) + b max(x - d0, 0)) + c delta x + s + f |J|,   d0 = 0.05 |
 delta = (1/E) sum_i min(D_i, max(K_i-1, K_i)),   at most 1                                                        (4)
 
 is the claim of the curve. What is read off it has a claim of its own, by what is read off the sibling's:
-g times eq. (3), and h times what changes in a step beside a peak, of tools' forces 2 h, with
+eq. (3), of a mean g times that, and h times what changes in a step beside a peak, of tools' forces 2 h, with
 
-d_r = |r - r_sibling| + e d,   s of that number,   max(|r|, |J|) in place of |J|                                  (5)
+d_r = max(|r - r_sibling|, e d),   s of that number,   max(|r|, |J|) in place of |J|,   f at least 0.01           (5)
 
 Slip begins at the end of a step where friction is spent, a threshold that both runs may miss: s counts, b = 1, and a is
 more. A lift is less by what slips: b = 1.
@@ -18,15 +18,20 @@ s    where a force ends a phase or is kept, the next begins at the end of a step
 a    the sibling errs by more, (1) of sibling.py, but errors grow slowly at edges; and XPBD errs otherwise than FEM. The
      forces of tools on a body that nothing holds are of blows, which err as the root of a step: a = 1/(2^(1/2) - 1)
 b    of large differences most is the sibling's own error, which grew faster than its cells; of a run by XPBD less is,
-     for its model may err by as much, and of stress, which follows from derivatives
+     for its model may err by as much, and of meshes, which lie otherwise in other cells: their error does not fall with
+     the length of these alone. Stress follows from derivatives, and is of first order: a b = 1, by (1) of sibling.py;
+     of XPBD its model's error is as large again, b = 1
 c    where steps take much of the motion, their error no longer grows with their length: what swings or rebounds within
      a few steps is lost by the run and by its sibling alike. K is the kinetic energy, D what a step took, and E the
      largest energy. What steps take beyond the motion that there was is of bodies that tools press slowly, whose work
      implicit Euler counts by the force at the end of the step: that changes forces little
 e    two curves meet now and then, where what is read off both is the same by chance; not so where both are 0
-h    the true peak is between two steps, but for compression: tools stop within a step
+g    what is too much at one time and too little at another is less in the mean
+h    the true peak is between two steps, but for compression: tools stop within a step. Where forces time the motion, it
+     is one step's all for whatever these move, compression, too: a force is reached within one, and passed at its end
 f    two curves that cross, or that an edge within a cell bends alike, differ by less than either errs; forces of tools
-     most often, whose edges lie anywhere within cells of both, and stress
+     most often, whose edges lie anywhere within cells of both, stress, runs by XPBD, whose model's error may be the
+     sibling's of its cells, and single numbers, but for a compression that tools prescribe
 
 Nothing is claimed of slip while a body only creeps: points beside the edges of a contact slide by a hundredth of a
 cell, which neither these cells nor longer ones show. And what would be claimed to be off by more than it is, is *not
@@ -48,6 +53,7 @@ from softseam.claims.sibling import LONGER
 from softseam.columns import is_nothing, rms, shown_unit
 from softseam_protocol.models import REFERENCE
 from softseam_protocol.quantities import OF_TOOLS, quantity
+from softseam_protocol.scene.bodies import MeshShape
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
 
@@ -101,19 +107,21 @@ LARGE = 0.05
 BEYOND = 0.2
 """b, of a run by FEM [1]"""
 BEYOND_OTHERWISE = 0.4
-"""and of one by XPBD, or by both models, and of stress [1]"""
+"""and of one by XPBD, or by both models, and of meshes [1]"""
+BEYOND_OF_STRESS = 0.5
+"""and of stress [1]"""
 OF_MOTION = 4.0
 """c [1]"""
 LEAST = 0.002
 """f [1]"""
-LEAST_OF_TOOLS = 0.01
-"""and of forces of tools, and of stress [1]"""
+LEAST_OTHERWISE = 0.01
+"""and of forces of tools, of stress, of a run by XPBD or by both models, and of single numbers [1]"""
 FINER = LONGER / (LONGER - 1.0)
 """times d that is claimed where the sibling has the shorter cells and steps, so that d is less than the error: (2) of
 sibling.py, of first order [1]"""
 OF_CURVE = 0.5
 """e of eq. (5) [1]"""
-READ = 0.7
+OF_MEAN = 0.8
 """g [1]"""
 BESIDE = 0.5
 """h [1]"""
@@ -137,7 +145,7 @@ class Scale:
     small  a of eq. (3) [1]
     beyond b of eq. (3) [1]; None: by the models
     least  f of eq. (3) [1]
-    beside h, times 2 of tools' forces [1]
+    beside h, times 2 of tools' forces, and where forces time the motion [1]
     cell   longest edge of the run's cells; 0 where any slip is of a body that slides [m]
     """
 
@@ -159,7 +167,13 @@ class Scale:
         timed = any(grip.force is not None or grip.until.force is not None for grip in grips)
         free = any(not body.said("fixed", ()) for body in scene.bodies.values())
         alike, taken = report["model"] == REFERENCE, motion_taken(report["energy"])
-        return cls(alike, taken, timed, finer, free, cell=cell)
+        meshes = any(
+            (it := body.in_cells) is not None and isinstance(it.shape, MeshShape) for body in scene.bodies.values()
+        )
+        beyond = BEYOND_OTHERWISE if meshes else None
+        least = LEAST if alike else LEAST_OTHERWISE
+        beside = (2.0 if timed else 1.0) * BESIDE
+        return cls(alike, taken, timed, finer, free, beyond=beyond, least=least, beside=beside, cell=cell)
 
     def at(self, name: str) -> Scale:
         """That of a quantity."""
@@ -167,14 +181,14 @@ class Scale:
         if kind == "slip":
             return replace(self, small=OF_SLIP, beyond=1.0, timed=True)
         if kind == "compression":
-            return replace(self, beside=0.0)
+            return self if self.timed else replace(self, beside=0.0, least=LEAST)
         if kind == "lift_height":
             return replace(self, beyond=1.0)
         if quantity(name).unit == "Pa":
-            return replace(self, beyond=BEYOND_OTHERWISE, least=LEAST_OF_TOOLS)
+            return replace(self, beyond=BEYOND_OF_STRESS if self.alike else 1.0, least=LEAST_OTHERWISE)
         if kind not in OF_TOOLS:
             return self
-        return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OF_TOOLS, beside=2.0 * BESIDE)
+        return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OTHERWISE, beside=2.0 * BESIDE)
 
     @property
     def factor(self) -> float:
@@ -234,6 +248,8 @@ def _claim(
     own, (off, size), longer = scale.at(name), difference(entry, other), "shorter" if scale.finer else "longer"
     apart = f"it differs by {100.0 * off / size:.0f} %" if size > 0.0 else "it is not 0"
     found = _settled(name, own.claim(off, size, in_a_step(entry)), size, f"{apart} with {longer} cells and steps")
+    prescribed = own.beside == 0.0
+    number = own if prescribed else replace(own, least=max(own.least, LEAST_OTHERWISE))
     unit, factor = shown_unit(name)
     for reading, read in READINGS.items():
         (value, late, beside), (there, _, _) = read(*measured(entry)), read(*measured(other))
@@ -241,8 +257,8 @@ def _claim(
         text = f"{factor * value:.4g} {unit} here, {factor * there:.4g} {unit} with {longer} cells and steps"
         if abs(value - there) < by_chance:
             text += f", and {apart} on the way"
-        claim = READ * own.claim(abs(value - there) + by_chance, max(abs(value), size), late)
-        claim += own.beside * beside
+        claim = number.claim(max(abs(value - there), by_chance), max(abs(value), size), late)
+        claim = (OF_MEAN if reading == "mean" else 1.0) * claim + own.beside * beside
         found[reading] = {"value": value} | _settled(name, claim, max(abs(value), NEXT_TO_NOTHING * size), text)
     return found
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from typing import Any
 
@@ -13,6 +13,7 @@ from softseam.errors import SoftseamError
 from softseam.session import Session
 from softseam_protocol.facts import cores
 from softseam_protocol.messages.participant import Bundle
+from softseam_protocol.quantities import OF_TOOLS
 from softseam_protocol.scene.file import bundle_scene
 
 _TIMED = "; a force times the motion, so what a step changes stands in for as much of the difference"
@@ -122,8 +123,8 @@ def compared(report: Mapping[str, Any], other: Mapping[str, Any], sibling: Sibli
     both = report["quantities"], other["quantities"]
     if settled:
         claimed, grow = claims(*both, scale), growing(*both, sibling.finer)
-        blows = {scale.at(name).factor for name in claimed} - {scale.factor}
-        also = f" (of tools' forces {max(blows):.2g})" if blows else ""
+        also = ", ".join(_others(claimed, scale))
+        also = f" ({also})" if also else ""
         text = (
             f"± is {scale.factor:.2g} times the difference{also}, less of a large one, to a run by FEM with cells and "
             f"steps {longer}{cost}{_TIMED if scale.timed else ''}"
@@ -149,6 +150,17 @@ def compared(report: Mapping[str, Any], other: Mapping[str, Any], sibling: Sibli
         "quantities": claimed,
         "growing": grow,
     }
+
+
+def _others(claimed: Iterable[str], scale: Scale) -> Iterator[str]:
+    """Factors of kinds of quantities that have one of their own, where there are some of these."""
+    kinds = {name: name.rpartition(".")[2] for name in claimed}
+    slips = {name for name, kind in kinds.items() if kind == "slip"}
+    tools = {name for name, kind in kinds.items() if kind in OF_TOOLS}
+    for of, names in (("tools' forces", tools), ("slip", slips)):
+        factors = {scale.at(name).factor for name in names} - {scale.factor}
+        if factors:
+            yield f"of {of} {max(factors):.2g}"
 
 
 def _nothing(text: str) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from softseam_coupling.ledger import Alarm
 from softseam_protocol.messages.outcomes import Detail, Figure
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import ErrorEstimate
+from softseam_protocol.models import some_read
 from softseam_protocol.scene.consistency import locking
 from softseam_protocol.scene.scene import Scene
 
@@ -41,6 +42,7 @@ class StepWarnings:
 
     def __init__(self, scene: Scene, tell: Tell) -> None:
         self._locks, self._tell = locking(scene), tell
+        self._takes_substeps = not scene.regions.cut and some_read([scene.regions.default], "pbd.substeps")
         self.forget()
 
     def forget(self) -> None:
@@ -60,7 +62,7 @@ class StepWarnings:
         if step == 0 and self._locks:
             self._tell("element", self._locks)
         for alarm in alarms:
-            self._tell("energy", f"{at}: {alarm.value}", Detail[alarm.name])
+            self._tell("energy", f"{at}: {alarm.said(self._takes_substeps)}", Detail[alarm.name])
         crushed = sum(int(reply.figure(Figure.BLENDED)) for reply in replies.values())
         if crushed and not self._crushed:
             self._tell("cells", f"{at}: {crushed} cells are squeezed beyond half: full quadrature")
