@@ -2,7 +2,7 @@
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
-.PHONY: help demo dev fast chart rivals lifts references plans atlas claims shapes results pages figures course bus pbd batch test lint types lock clean
+.PHONY: help demo dev fast chart rivals lifts references plans atlas claims shapes front results pages figures course bus pbd batch test lint types lock clean
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
@@ -46,6 +46,9 @@ claims: $(VENV)/.dev ## regenerate docs/results/claims.md: do claims of runs hol
 
 shapes: $(VENV)/.dev ## regenerate docs/results/shapes.md: how exact and how fast bodies from meshes are
 	@PYTHONPATH=tests $(PY) tests/benchmarks/shapes.py
+
+front: $(VENV)/.dev ## regenerate docs/results/front.md: what each of many bodies is best simulated as
+	@PYTHONPATH=tests $(PY) tests/benchmarks/front.py
 
 results: chart atlas ## regenerate docs/results/results.md, with charts and atlas: accuracy, speed and stability on this machine
 	@PYTHONPATH=tests $(PY) tests/benchmarks/results.py

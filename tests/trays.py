@@ -24,13 +24,16 @@ def tray(
     gaps: tuple[float, float, float] = (GAP,) * 3,
     material: Mapping[str, Any] | None = None,
     cells: int = 2,
+    own: Mapping[str, Mapping[str, Any]] | None = None,
     **keys: Any,
 ) -> Scene:
-    """Cubes beside and above one another, named by their places, with what else there is as tools."""
+    """Cubes beside and above one another, named by their places, with what else there is as tools; own: keys of some of
+    the bodies."""
     places = {f"cube{x}{y}{z}": (x, y, z) for z in range(counts[2]) for y in range(counts[1]) for x in range(counts[0])}
     pitch = EDGE + np.array(gaps)
     bodies = {
         name: cube(0, 1, cells, position=(pitch * at).tolist(), material=dict(material or MATERIAL))
+        | dict((own or {}).get(name, {}))
         for name, at in places.items()
     }
     touch = {

@@ -5,11 +5,15 @@ substeps with the guests' surfaces going along, linearly (services/softseam_serv
 what mean force acted on each. By the change of force each guest is moved on; where its linear answer is doubted
 (`doubt`), all redo the step under the forces found. No compliance of the pile is asked for, whose stiffness and
 substeps need no tuning.
+
+Bodies of the pile that wake by what they felt have it take its step again, which is its own matter: what guests said of
+theirs stands, and the change of force that moves them on is the last. A guest that sleeps says only where it is, and
+does not give. One that wakes so advances, and the pile takes the step with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +44,11 @@ Floats = NDArray[np.float64]
 __all__ = ["Hosted"]
 
 AskPile = Callable[[list[Guest]], list[Push]]
-"""has the pile take the step with its guests as they are said to be, in their order; what acted on each"""
+"""has the pile take the step with its guests as they are said to be, in their order; what acted on each, or nothing
+where one of them woke in it"""
 CorrectGuests = Callable[[dict[str, Correction]], dict[str, Advanced]]
+Awake = Callable[[], Sequence[str]]
+"""guests that take the step, by part; more, as one of them wakes in it"""
 
 _NO_MATRIX, _NO_ROWS = np.zeros((0, 0)), np.zeros((0, 3))
 
@@ -78,47 +85,52 @@ class Hosted:
         self._root = dict.fromkeys(self._root, _NO_MATRIX)
         self._sent = dict.fromkeys(self._sent, False)
 
-    def solve(self, ask: Ask, ask_pile: AskPile, correct: CorrectGuests, dt: float) -> Outcome:
-        """Take a step of dt [s]; the guests' replies. Raises StepDiverged. A step that fails changes nothing but what
-        was learned of how guests answer."""
+    def solve(self, ask: Ask, ask_pile: AskPile, correct: CorrectGuests, awake: Awake, dt: float) -> Outcome:
+        """Take a step of dt [s]; the replies of guests that are awake. Raises StepDiverged. A step that fails changes
+        nothing but what was learned of how guests answer."""
         kappa = dict(self._kappa)
         try:
-            return self._solve(ask, ask_pile, correct, dt)
+            return self._solve(ask, ask_pile, correct, awake, dt)
         except BaseException:
             self._kappa = kappa
             self.forget_sent()
             raise
 
-    def _solve(self, ask: Ask, ask_pile: AskPile, correct: CorrectGuests, dt: float) -> Outcome:
+    def _solve(self, ask: Ask, ask_pile: AskPile, correct: CorrectGuests, awake: Awake, dt: float) -> Outcome:
         held, expected = self.force, dict[str, tuple[Floats, Floats]]()
         for exchange in range(1, self._most + 1):
-            replies = ask({name: PartRequest(held[name], repeat=not self._root[name].size) for name in self.x})
-            self._receive(replies, dt)
-            self._measure(replies, expected)
-            guests = [self._guest(name, replies[name], held[name]) for name in self.x]
-            felt = {name: push.force for name, push in zip(self.x, ask_pile(guests), strict=True)}
-            self._sent = dict.fromkeys(self._sent, True)
-            pushes = {name: felt[name] - held[name] for name in self.x}
+            found: list[Push] = []
+            while not found:
+                parts = {name: PartRequest(held[name], repeat=not self._root[name].size) for name in awake()}
+                replies = ask(parts)
+                self._receive(replies, dt)
+                self._measure(replies, expected)
+                found = ask_pile([self._guest(name, replies.get(name), held[name]) for name in self.x])
+                self._sent |= dict.fromkeys(replies, True)
+            felt = {name: push.force for name, push in zip(self.x, found, strict=True) if name in replies}
+            pushes = {name: felt[name] - held[name] for name in felt}
             moves = {name: self._answer(name, push) for name, push in pushes.items()}
             if not all(np.isfinite(move).all() for move in moves.values()):
                 raise StepDiverged("a guest's answer is not finite")
             corrects = all(reply.coupling.correctable for reply in replies.values())
-            if exchange == self._most and max(map(largest, moves.values())) > self._cell:
-                names = ", ".join(self.x)
+            if exchange == self._most and max(map(largest, moves.values()), default=0.0) > self._cell:
+                names = ", ".join(replies)
                 raise StepDiverged(
                     f"{names} and the pile that they touch do not agree within {exchange} exchanges: shorten the step, "
                     "or give to pbd those that press on one another"
                 )
             if corrects and (exchange == self._most or self._are_known(moves, pushes, felt, exchange)):
-                replies = correct({name: Correction(pushes[name], felt[name]) for name in self.x})
+                replies = correct({name: Correction(pushes[name], felt[name]) for name in felt})
                 return self._commit(replies, felt, moves, exchange, bool(expected))
             if not corrects and not any(largest(move) > UNCORRECTED * self._tolerance for move in moves.values()):
                 return self._commit(replies, held, moves, exchange, bool(expected))
-            expected = {name: (replies[name].coupling.x + moves[name], moves[name]) for name in self.x}
-            held = felt
+            expected = {name: (replies[name].coupling.x + moves[name], moves[name]) for name in felt}
+            held = held | felt
         return self._commit(replies, held, moves, self._most, True, NOT_CONVERGED)
 
-    def _guest(self, name: str, reply: Advanced, force: Floats) -> Guest:
+    def _guest(self, name: str, reply: Advanced | None, force: Floats) -> Guest:
+        if reply is None:  # it sleeps
+            return Guest(self.x[name])
         return Guest(self.x[name], reply.coupling.x, force, _NO_MATRIX if self._sent[name] else self._root[name])
 
     def _receive(self, replies: Mapping[str, Advanced], dt: float) -> None:
@@ -162,8 +174,8 @@ class Hosted:
         measured: bool,
         note: str = "",
     ) -> Outcome:
-        self.x = {name: reply.coupling.x for name, reply in replies.items()}
-        self.force = force
+        self.x = self.x | {name: reply.coupling.x for name, reply in replies.items()}
+        self.force = self.force | force
         if not measured:
             self._kappa = {name: grown(kappa) for name, kappa in self._kappa.items()}
         gap = max((largest(move) for move in moves.values()), default=0.0) if note else 0.0

@@ -18,9 +18,9 @@ class Guest:
     """A body of another model that may touch a pile, in a step; s nodes that its surface follows, and that may move."""
 
     x: Vectors = field(default_factory=NO_VECTORS)
-    """where they are as the step begins (s, 3) [m]; empty: it is asleep"""
+    """where they are as the step begins (s, 3) [m]"""
     x_next: Vectors = field(default_factory=NO_VECTORS)
-    """and as it ends, under `force` (s, 3) [m]"""
+    """and as it ends, under `force` (s, 3) [m]; empty: it sleeps, and stays where it is"""
     force: Vectors = field(default_factory=NO_VECTORS)
     """on them over the step, that all which touch it are taken to exert (s, 3) [N]"""
     root: Matrix = field(default_factory=NO_MATRIX)

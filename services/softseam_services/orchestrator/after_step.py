@@ -110,7 +110,7 @@ class AfterStep:
                 if name in awake:
                     self.try_to(body.participants.snapshot)
             for pile in self._bodies.piles:
-                if not pile.pile.asleep.all():
+                if not pile.pile.sleepers.all():
                     self.try_to(pile.pile.snapshot)
             self._bodies.forget_sent()
         return switched

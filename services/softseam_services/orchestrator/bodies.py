@@ -99,10 +99,7 @@ class Bodies:
         mass, tools = {name: setup.body.total_mass for name, setup in setups.items()}, next(iter(setups.values())).tools
         self.overlaps = Overlaps(scene, report)
         weight = {name: mass[name] * setup.body.gravity for name, setup in setups.items()}
-        hosts = [pile for pile in self._piles.values() if pile.guests]
-        never = [name for pile in hosts for name in (*pile.names, *pile.guests)]
-        about = scene.sleep, tied, weight, mass, self.piles, tools, scene.step, self._woke, never
-        self._sleeping = Sleeping(*about)
+        self._sleeping = Sleeping(scene.sleep, tied, weight, mass, self.piles, tools, scene.step, self._woke)
         self._awake: dict[str, SimulatedBody] | None = None  # those that do not sleep, where they are known
 
     def _simulated(self, name: str, bundle: Bundle, setup: Setup) -> SimulatedBody:
@@ -146,7 +143,8 @@ class Bodies:
     def _host(self, pile: Pile) -> Hosting:
         guests = {name: self.named[name] for name in pile.guests}
         joints = {name: self._touched[name] for name in guests}
-        return Hosting(self._scene, pile, guests, joints, self._transport, self._clock, self._report)
+        about = self._scene, pile, guests, joints, self._transport, self._clock
+        return Hosting(*about, self._report, self._again)
 
     def _woke(self, whose_and_why: str) -> None:
         self._awake = None
@@ -227,10 +225,11 @@ class Bodies:
         joined = self._joined
         if asleep:
             lone = {name: island for name, island in lone.items() if name not in asleep}
-            joined = [island for island in joined if island.members.keys().isdisjoint(asleep)]
         for number, held in enumerate(self._piles.values()):
-            if held.lay(self._sleeping.of_pile(number)) and not held.guests:
+            if held.lay(*self._sleeping.of_pile(number)) and not held.guests:
                 lone[held.part] = held
+        if self._sleeping.any:
+            joined = [island for island in joined if not island.rests(asleep)]
         again = partial(self._again, motion) if self._sleeping.any else None
         taken = asleep | advance_all(lone, joined, self._transport, motion, fields, then, again)
         for pile in self.piles:
@@ -238,11 +237,14 @@ class Bodies:
         return Solutions({name: taken[name] for name in self.named if name in taken}, self.piles)
 
     def _again(self, motion: ToolMotion, outcomes: Mapping[str, Outcome]) -> list[str]:
-        """Piles, by their parts, that are to take the step anew: some of their bodies wake by what they felt in it."""
+        """Piles, by their parts, that are to take the step anew: some of their bodies, or of their guests, wake by what
+        they felt in it."""
+        if not self._sleeping.any:
+            return []
         parts = self._sleeping.feel(outcomes, motion)
         for number, pile in enumerate(self._piles.values()):
             if pile.part in parts:
-                pile.lay(self._sleeping.of_pile(number))
+                pile.lay(*self._sleeping.of_pile(number))
         return parts
 
     def _climb(self, asleep: Mapping[str, Outcome]) -> None:

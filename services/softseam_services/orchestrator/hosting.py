@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import cast
 
@@ -30,6 +30,10 @@ from softseam_services.orchestrator.transport import Transport
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Arrays = dict[str, Floats]
+Again = Callable[[ToolMotion, Mapping[str, Outcome]], Collection[str]]
+"""wakes whoever has a reason in what a step came to, by parts, and says which parts are to take it anew"""
+
+_NO_ROWS = np.zeros((0, 3))
 
 
 class Hosting:
@@ -40,6 +44,7 @@ class Hosting:
     guests  by name, in the pile's order
     joints  nodes of each that others touch, ascending (j,)
     report  receives kind and text of every event
+    again   says whether the pile is to take a step anew, for some of its bodies or guests woke in it
     """
 
     def __init__(
@@ -51,6 +56,7 @@ class Hosting:
         transport: Transport,
         clock: Clock,
         report: Tell,
+        again: Again,
     ) -> None:
         self.name = "+".join(guests)
         self.pile, self.members = pile, {name: body.participants for name, body in guests.items()}
@@ -58,7 +64,8 @@ class Hosting:
         self._scene, self._transport, self._clock, self._report = scene, transport, clock, report
         self._keeps = {name: keeps_momentum(body.setup.spec, body.scene.models) for name, body in guests.items()}
         self._bodies = {name: cast(Body, body.body) for name, body in guests.items()}
-        self._joints = joints
+        self._joints, self._again = joints, again
+        self._took: list[str] = []  # guests that took the last step
         self.reports: dict[str, InterfaceReport] = {}
         """none of its own: the pile reports of contact"""
         self._before: Arrays | None = None
@@ -87,7 +94,17 @@ class Hosting:
         (part,) = self.members[body].parts.names
         return part
 
+    @property
+    def _awake(self) -> list[str]:
+        """Names of the guests that do not sleep."""
+        return [name for name, away in zip(self.members, self.pile.away.tolist(), strict=True) if not away]
+
     # ---- one step
+
+    def rests(self, asleep: Collection[str]) -> bool:
+        """Whether neither the pile nor a guest is to take the next step; asleep: names of those that are in no pile and
+        sleep."""
+        return bool(self.pile.asleep.all()) and self.members.keys() <= set(asleep)
 
     def advance(self, motion: ToolMotion, fields: bool, alone: bool) -> dict[str, Outcome]:
         """Advance all by a step: guests by their names, the pile by its part's. Raises StepFailed.
@@ -113,33 +130,40 @@ class Hosting:
 
         def ask(wanted: dict[str, PartRequest]) -> dict[str, Advanced]:
             requests: dict[str, Request] = {}
-            for name, member in self.members.items():
-                requests |= member.asked(wanted, dt, motion, False, turns[name])
+            for name in self._awake:
+                requests |= self.members[name].asked(wanted, dt, motion, False, turns[name])
             return self._read(requests)
 
         def ask_pile(guests: list[Guest]) -> list[Push]:
-            answered.update(self._transport.exchange(self.pile.asked(motion, fields, guests)))
-            return self.pile.on_guests(answered)
+            awake, part = self._awake, self.pile.part
+            while True:
+                answered.update(self._transport.exchange(self.pile.asked(motion, fields, guests)))
+                outcome = Outcome({part: cast(Advanced, answered[part])}, _NO_ROWS, 0.0, 1)
+                if part not in self._again(motion, {part: outcome}):
+                    return self.pile.on_guests(answered)
+                if self._awake != awake:
+                    return []
 
         def correct(corrections: dict[str, Correction]) -> dict[str, Advanced]:
             requests: dict[str, Request] = {}
-            for member in self.members.values():
-                requests |= member.corrected(corrections, fields)
+            for name in self._awake:
+                requests |= self.members[name].corrected(corrections, fields)
             return self._read(requests)
 
         before = dict(self._loop.x)
-        solution = self._loop.solve(ask, ask_pile, correct, dt)
+        solution = self._loop.solve(ask, ask_pile, correct, lambda: list(map(self._part, self._awake)), dt)
         replies, gravity = dict(solution.replies), np.array(self._scene.gravity)
-        for (name, member), push in zip(self.members.items(), self.pile.on_guests(answered), strict=True):
-            part, turn = self._part(name), self._turns[name]
+        pushes, self._took = dict(zip(self.members, self.pile.on_guests(answered), strict=True)), self._awake
+        for name in self._took:
+            member, push, part, turn = self.members[name], pushes[name], self._part(name), self._turns[name]
             joint = {part: (before[part], self._loop.x[part], self._loop.force[part])}
             moment = push.moment if len(push.moment) and push.force is self._loop.force[part] else None
             replies |= turn.end({part: replies[part]}, member.parts.models, motion, dt, gravity, joint, moment)
             member.end_step()
         solutions = {self.pile.part: self.pile.taken(answered)}
-        for name, member in self.members.items():
+        for name in self._took:
             own = replace(solution, replies={self._part(name): replies[self._part(name)]}, note="")
-            member.joined_step(own, None)
+            self.members[name].joined_step(own, None)
             solutions[name] = own
         if solution.note:
             gap = f"{1e6 * solution.gap:.3g} um"
@@ -148,8 +172,8 @@ class Hosting:
         return solutions
 
     def _read(self, requests: dict[str, Request]) -> dict[str, Advanced]:
-        replies = self._transport.exchange(requests)
-        return {part: reply for member in self.members.values() for part, reply in member.read(replies).items()}
+        replies = self._transport.exchange(requests) if requests else {}
+        return {part: reply for name in self._awake for part, reply in self.members[name].read(replies).items()}
 
     def rest(self) -> None:
         """The bodies sleep from now on."""
@@ -157,8 +181,8 @@ class Hosting:
     def withdraw(self) -> None:
         """Take the step back that was taken last: it failed elsewhere."""
         assert self._before is not None
-        for member in self.members.values():
-            member.withdraw()
+        for name in self._took:
+            self.members[name].withdraw()
         self.pile.withdraw()
         self._take(self._before)
 

@@ -306,6 +306,10 @@ class JoinedBodies:
             text = f"{gap} after {solution.exchanges} exchanges is kept: {note}"
             self._report("seam", f"step {self._clock.step}, {names}: {text}", Detail.GAP_KEPT)
 
+    def rests(self, asleep: Collection[str]) -> bool:
+        """Whether none of its bodies is to take the next step; asleep: names of those that sleep."""
+        return not self.members.keys().isdisjoint(asleep)
+
     def rest(self) -> None:
         """The bodies sleep from now on: their interfaces do no work."""
         self.reports = {name: replace(report, work=0.0, exchanges=0) for name, report in self.reports.items()}

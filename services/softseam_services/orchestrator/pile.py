@@ -74,6 +74,8 @@ class Pile:
         )
         self.asleep = np.zeros(len(names), dtype=np.int8)
         """1 for bodies that the next step is not asked of (b,)"""
+        self.away = np.zeros(len(guests), dtype=np.bool_)
+        """guests that sleep through it (g,)"""
         self._fields: dict[tuple[bool, bool], list[messages.Fields]] = {}
         self._states: list[bytes] = []
         self._to_restore: dict[int, bytes] = {}
@@ -94,6 +96,7 @@ class Pile:
     def begin(self, states: Sequence[messages.BodyState], step: int) -> None:
         """Have the part built of bodies in these states, before a step of this number."""
         self.asleep[:] = 0
+        self.away[:] = False
         self._forget()
         self._held.stand(step)
         self._asked_through.states = list(states)
@@ -117,10 +120,15 @@ class Pile:
 
     # ---- a step
 
-    def lay(self, asleep: NDArray[np.bool_]) -> bool:
-        """Some of its bodies (b,) sleep through the next step; whether any takes it."""
-        self.asleep[:] = asleep
-        return not self.asleep.all()
+    def lay(self, asleep: NDArray[np.bool_], away: NDArray[np.bool_]) -> bool:
+        """Some of its bodies (b,) and guests (g,) sleep through the next step; whether any takes it."""
+        self.asleep[:], self.away[:] = asleep, away
+        return not (self.asleep.all() and self.away.all())
+
+    @property
+    def sleepers(self) -> NDArray[np.bool_]:
+        """Bodies, and after them guests, that sleep through the next step (b + g,)."""
+        return np.concatenate([self.asleep.astype(np.bool_), self.away])
 
     @property
     def tied(self) -> bool:

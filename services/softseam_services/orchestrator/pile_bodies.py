@@ -137,7 +137,7 @@ class PileBodies:
 
     def pressed_after(self, said: Meetings) -> Floats:
         """The same, if contacts do this in a step that is not taken yet (m, 3) [N]."""
-        return self._pressed(self._both(self._met, said, self.pile.asleep.astype(np.bool_)))
+        return self._pressed(self._both(self._met, said))
 
     # ---- one step
 
@@ -150,7 +150,7 @@ class PileBodies:
         self._seconds = 0.0 if reply is None else reply.seconds / max(1, len(self._awake))
         self._shown = () if reply is None or reply.fields is None else reply.fields.bodies
         said = None if reply is None else reply.members
-        self._meet(self._both(self._met, None if said is None else said.meetings, asleep))
+        self._meet(self._both(self._met, None if said is None else said.meetings))
         if reply is not None and len(self._awake) == len(self._bodies):
             assert reply.members is not None
             self._step = reply.members
@@ -178,21 +178,22 @@ class PileBodies:
         by_tools, carried = -swung[:, :, :3] @ up, self.pressed @ up
         upwards = np.bincount(self.pile.pairs.ravel(), np.stack((carried, -carried), axis=1).ravel(), len(self._bodies))
         lacks = -weights @ up - by_tools.sum(axis=1) - upwards[asleep]
-        own = np.full(len(self._bodies), -1)
+        own = np.full(len(self._bodies) + len(self.pile.guests), -1)
         own[asleep] = np.arange(len(asleep))
         pairs = own[self.pile.pairs]
         among, holds = (pairs >= 0).all(axis=1), np.maximum(by_tools, 0.0)
         more = passed_down(lacks, pairs[among], np.abs(carried[among]), holds.sum(axis=1))
         return with_more(swung, (more[:, None] * holds)[:, :, None] * -up)
 
-    def _both(self, before: Meetings, said: Meetings | None, asleep: NDArray[np.bool_]) -> Meetings:
+    def _both(self, before: Meetings, said: Meetings | None) -> Meetings:
         """What contacts did: those of which both bodies sleep stand, and do no work; of others what is said."""
         still = replace(before, work=np.zeros_like(before.work))
         if said is None:
             return still
-        if not asleep.any():
+        sleepers = self.pile.sleepers
+        if not sleepers.any():
             return said
-        between = np.append(asleep, np.zeros(len(self.pile.guests), dtype=np.bool_))[self.pile.pairs[before.contact]]
+        between = sleepers[self.pile.pairs[before.contact]]
         rests, names = between[:, 0] & between[:, 1], [each.name for each in fields(Meetings)]
         order = np.argsort(np.concatenate([before.contact[rests], said.contact]), kind="stable")
         return Meetings(*(np.concatenate([getattr(still, name)[rests], getattr(said, name)])[order] for name in names))

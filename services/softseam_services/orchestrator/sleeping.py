@@ -70,7 +70,6 @@ class Sleeping:
     piles    in which some are
     dt       length of a step [s]
     woke     receives, where bodies wake, whose and why
-    never    bodies that never sleep
     """
 
     def __init__(
@@ -83,7 +82,6 @@ class Sleeping:
         tools: ToolSet,
         dt: float,
         woke: Callable[[str], None],
-        never: Sequence[str] = (),
     ) -> None:
         if rule is not None and rule not in SLEEP:
             raise SettingError(f"sleep: {SLEEP.problem(rule)}")
@@ -99,8 +97,8 @@ class Sleeping:
             self._island[[places[name] for name in island]] = number
         self._rows = [np.array([places[name] for name in each.pile.names]) for each in piles]
         self._apart = sorted(set(places.values()).difference(*(rows.tolist() for rows in self._rows)))
-        self._never = np.isin(self._names, list(never))
-        met = [np.array([places[name] for name in (*each.pile.names, *each.pile.guests)]) for each in piles]
+        self._guests = [np.array([places[name] for name in each.pile.guests], dtype=np.int64) for each in piles]
+        met = [np.concatenate(each) for each in zip(self._rows, self._guests, strict=True)]
         pairs = [ids[each.pile.pairs] for ids, each in zip(met, piles, strict=True)]
         self._pairs = np.concatenate([np.zeros((0, 2), dtype=np.int64), *pairs])
         self.reset()
@@ -131,9 +129,10 @@ class Sleeping:
         """Of bodies that sleep and are in no pile, what they did in the last step, by name."""
         return self._kept
 
-    def of_pile(self, number: int) -> Mask:
-        """Which bodies of a pile sleep (b,)."""
-        return np.asarray(self._known.asleep[self._rows[number]])
+    def of_pile(self, number: int) -> tuple[Mask, Mask]:
+        """Which bodies of a pile sleep (b,), and which of its guests (g,)."""
+        asleep = self._known.asleep
+        return asleep[self._rows[number]], asleep[self._guests[number]]
 
     # ---- a step
 
@@ -153,7 +152,7 @@ class Sleeping:
 
     def feel(self, outcomes: Mapping[str, Outcome], motion: ToolMotion) -> list[str]:
         """A step came to this, and is not committed yet: wake whoever has a reason in what others press it with; the
-        parts of the piles in which one does."""
+        parts of the piles in which one does, or that are its hosts."""
         if not len(self._pairs):
             return []
         pressed = self._pressed
@@ -165,8 +164,8 @@ class Sleeping:
                 pressed[begin : begin + n] = pile.pressed_after(said.meetings)
             begin += n
         woken = self._wake(_reasons(replace(self._around(motion), changed=self._changes(pressed))))
-        piles = zip(self._rows, self._piles, strict=True)
-        return [pile.pile.part for rows, pile in piles if woken[rows].any()]
+        piles = zip(self._rows, self._guests, self._piles, strict=True)
+        return [pile.pile.part for rows, guests, pile in piles if woken[rows].any() or woken[guests].any()]
 
     def _wake(self, reasons: Reasons) -> Mask:
         """Wake whoever sleeps and has a reason, and those of its island; who woke (b,)."""
@@ -200,7 +199,7 @@ class Sleeping:
         known.calm[:] = np.where(known.asleep, known.calm, np.where(calm, known.calm + 1, 0))
         self._hold(known.calm == 0)
         around = self._around(motion)
-        may = np.asarray(self._rule(around)) & ~known.asleep & ~self._never
+        may = np.asarray(self._rule(around)) & ~known.asleep
         if not may.any():
             return []
         may[list(_reasons(around))] = False
@@ -209,10 +208,11 @@ class Sleeping:
         known.asleep |= falls
         self._hold(falls)
         islands = [self._islands[number] for number in np.unique(self._island[falls]).tolist()]
+        guests = np.concatenate([np.zeros(0, dtype=np.int64), *self._guests])
         for place in self._apart:
             if falls[place]:
                 outcome = _quiet(solutions[self._names[place]])
-                alone = len(self._islands[self._island[place]]) == 1
+                alone = len(self._islands[self._island[place]]) == 1 and place not in guests
                 self._kept[self._names[place]] = _standing(outcome, self._weights[place]) if alone else outcome
         return islands
 

@@ -133,6 +133,7 @@ class Between:
         touch, guests, self._dt = self.touch, self._guests, dt
         touch.asleep[:] = np.where(asleep, LIES, AWAKE)
         touch.asleep[: self._n_own][fell] = FELL
+        touch.asleep[self._n_own :][asleep[self._n_own :]] = FELL  # guests are said to be where they are in each step
         touch.guest_at[:], touch.guest_to[:] = guests.came, guests.goes
         n_rows, others = find_rows(members, self._n_own, touch, now, dt)
         if others:

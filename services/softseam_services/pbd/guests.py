@@ -39,6 +39,7 @@ class Guests:
         self._part = np.concatenate([np.zeros((0, 4)), *(each.part for each in faces)])
         self._root = [_no_root(each) for each in faces]
         self._held = [np.zeros((len(each.nodes), 3)) for each in faces]
+        self._away = np.zeros(g, dtype=np.bool_)  # those that sleep
         self._weights = [csr_array((0, len(each.nodes))) for each in faces]  # of nodes in patches
         self._sampled = [csr_array((0, len(each.area))) for each in faces]  # and of points
         self._answered: list[csr_array | None] = [None] * g  # weights with which answers were found
@@ -70,14 +71,12 @@ class Guests:
         if len(said) != len(self.faces):
             return f"the pile was configured with {len(self.faces)} guests: the step is of {len(said)}"
         for place, (one, faces) in enumerate(zip(said, self.faces, strict=True)):
-            if not len(one.x):
-                continue
-            n, root = len(faces.nodes), one.root
-            if any(each.shape != (n, 3) for each in (one.x, one.x_next, one.force)):
+            n, root, awake = len(faces.nodes), one.root, len(one.x_next) > 0
+            if any(each.shape != (n, 3) for each in ((one.x, one.x_next, one.force) if awake else (one.x,))):
                 return f"nodes of guest {place} need the shape ({n}, 3)"
             if root.size and len(root) != 3 * n:
                 return f"the root of guest {place} has {len(root)} rows in place of {3 * n}"
-            if not root.size and not self._root[place].size:
+            if awake and not root.size and not self._root[place].size:
                 return f"guest {place} comes without a root, and none came since the last snapshot: send it again"
             if not all(np.isfinite(each).all() for each in (one.x, one.x_next, one.force, root)):
                 return f"what is said of guest {place} is not finite"
@@ -85,14 +84,14 @@ class Guests:
 
     def take(self, said: Sequence[Guest]) -> Mask:
         """A step begins, of which this is said; which of them sleep (g,)."""
+        self._away = np.array([not len(one.x_next) for one in said], dtype=np.bool_)
         for place, (one, faces) in enumerate(zip(said, self.faces, strict=True)):
-            if not len(one.x):
-                continue
+            away, own = self._away[place], self._own[place]
             if one.root.size:
                 self._root[place], self._answered[place] = one.root, None
-            own, self._held[place] = self._own[place], one.force
-            self.came[own], self.goes[own] = faces.places(one.x), faces.places(one.x_next)
-        return np.array([not len(one.x) for one in said], dtype=np.bool_)
+            self._held[place] = one.force
+            self.came[own], self.goes[own] = faces.places(one.x), faces.places(one.x if away else one.x_next)
+        return self._away
 
     def gather(self, touch: Touch, held: Floats) -> None:
         """Rows were found: make their patches, which begin with forces of these (f, 3) [N], and find how they move one
@@ -106,6 +105,9 @@ class Guests:
             weights = csr_array((share[own], (slot[own, 1], slot[own, 2])), shape=shape)
             self._weights[place] = weights @ faces.weights
             self._sampled[place] = weights
+            if self._away[place]:  # it does not give
+                self._answered[place], self._answers[place] = None, np.zeros((3 * shape[0],) * 2)
+                continue
             known = self._answered[place]
             alike = known is not None and known.shape == shape
             if alike and (not shape[0] or abs(known - weights).max() <= _ALIKE):
@@ -128,19 +130,23 @@ class Guests:
         came, goes = [none], [none]
         for place, (weights, own) in enumerate(zip(self._weights, self._own, strict=True)):
             root, sampled = self._root[place], self._sampled[place]
+            came.append(sampled @ self.came[own])
+            if self._away[place]:
+                goes.append(came[-1])
+                continue
             more = np.asarray(weights.T @ begun[first[place] : first[place + 1]]) - self._held[place]
             moved = (root @ (root.T @ more.ravel())).reshape(-1, 3)
-            came.append(sampled @ self.came[own])
             goes.append(sampled @ self.goes[own] + weights @ moved)
+        starts = np.concatenate(came)
         self.arrays = Arrays(
             n_own=np.array([self._n_own], dtype=np.int32),
             first_slot=first,
-            came=np.concatenate(came),
+            came=starts,
             goes=np.concatenate(goes),
             begun=begun,
             answers=np.concatenate([np.zeros(0), *(each.ravel() for each in self._answers)]),
             begin=np.cumsum([0, *(each.size for each in self._answers)]).astype(np.int64),
-            at=np.zeros_like(begun),
+            at=starts.copy(),  # where those stay that sleep
             now=np.zeros_like(begun),
             felt=np.zeros_like(begun),
             moment=np.zeros((g, 3)),
