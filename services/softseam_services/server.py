@@ -21,9 +21,8 @@ from softseam_protocol.scene.repeat import repeated
 from softseam_protocol.scene.scene import Scene
 from softseam_services.blas import use_one_thread
 from softseam_services.bodies import AnyBody, build_any_body
-from softseam_services.body.errors import SettingError, ToolError
+from softseam_services.body.errors import ToolError
 from softseam_services.body.interpolate import model_functions
-from softseam_services.body.outer_faces import is_covered_by_faces
 from softseam_services.body.sampled_faces import SampledFaces, sampled_faces
 from softseam_services.built import Built
 from softseam_services.orchestrator.default_model import with_model
@@ -55,8 +54,6 @@ class Setup:
         there is none."""
         model = self.scene.regions.default
         assert self.body.has_cells and model is not None
-        if not is_covered_by_faces(self.body):
-            raise SettingError("contact meets no surface that runs through cells yet: take a block")
         return sampled_faces(self.body, model_functions(self.scene.models)[model], others)
 
 
