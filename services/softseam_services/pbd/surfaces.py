@@ -18,6 +18,8 @@ from .pile_pieces import Piece
 
 _ALIKE = 1.1
 """by which nodes of one surface may be farther apart than those of another, and both press by their nodes [1]"""
+_PANELS = 4
+"""along a cell's edge, of faces that press on squares which need not begin where theirs do"""
 _NO_NODES = np.zeros(0, dtype=np.int32)
 NO_FACES = Faces(_NO_NODES, np.zeros((0, 3), dtype=np.int32), np.zeros(0), 0.0, 0.0)
 
@@ -117,7 +119,7 @@ class Surfaces:
         if body not in self._sampled:
             solid = self._pieces[body].body
             free = replace(solid, fixed=np.zeros(solid.n_nodes, dtype=np.bool_))  # clamped ones are in the pile, too
-            self.all.append(sampled_faces(free, "hex8", np.inf))
+            self.all.append(sampled_faces(free, "hex8", solid.resolution / _PANELS))
             self.body.append(body)
             self._sampled[body] = len(self.all) - 1
         return self._sampled[body]

@@ -7,6 +7,10 @@ from softseam_services.jit import njit
 
 from .touch import AREA, CORNER, FADE, GAP, N_INTS, NORMAL, POINT, SHARE, SIDE
 
+NEAR, _LEAST = 0.1, 1e-9
+"""of how far is looked: so far a point is outside that counts little for where a patch presses; and how much it counts
+at least: where all are farther, as each other [1]"""
+
 
 @njit(cache=True, error_model="numpy")
 def look_upon(upon, share, out):
@@ -50,7 +54,7 @@ def add_for_patches(touch, meeting, side, points, them, faces, far, reach, n):
         if touch.curved[other]:
             _go_over(share, corners[face], rounded[face], out, row[NORMAL : NORMAL + 3])
         row[AREA], row[GAP] = covered * touch.area[begin + point], gap
-        row[FADE] = max(0.0, 1.0 - max(0.0, goes) / far) ** 2
+        row[FADE] = max(_LEAST, 1.0 - max(0.0, goes) / (NEAR * far))
         found[POINT], found[CORNER], found[CORNER + 1], found[CORNER + 2] = point, a, b, c
         for k in range(N_INTS):
             others = others or ints[k] != found[k]
