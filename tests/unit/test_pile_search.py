@@ -13,12 +13,13 @@ from scipy.spatial.transform import Rotation
 from softseam_coupling.interfaces.contact import REACH
 from softseam_coupling.kernels.nearest_face import nearest_faces, point_normals
 from softseam_protocol.scene.file import bundle_scene
-from softseam_services.pbd.between import Between, Contact
+from softseam_services.pbd.between import Between
 from softseam_services.pbd.guests import Guests
 from softseam_services.pbd.kernels.eights import NODE, ROW
 from softseam_services.pbd.kernels.pairs import EIGHT
 from softseam_services.pbd.kernels.touch import CORNER, NORMAL, PLACE, POINT, RANK, SHARE
 from softseam_services.pbd.pile_pieces import Pieces
+from softseam_services.pbd.surfaces import Contact
 from softseam_services.server import build_setup
 
 pytestmark = pytest.mark.kernels

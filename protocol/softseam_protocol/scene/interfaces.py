@@ -105,8 +105,8 @@ def no_surface(body: AnyBody, regions: RegionsSpec) -> str:
     cells = body.in_cells
     if cells is None:
         return f"a {body.kind} has no faces"
-    if isinstance(cells.shape, MeshShape) and cells.shape.cells != "own":
-        return "its surface runs through cells" if cells.shape.cells == "boxes" else "its cells are tetrahedra"
+    if isinstance(cells.shape, MeshShape) and cells.shape.cells not in ("own", "boxes"):
+        return "its cells are tetrahedra"
     return "it is cut in two models" if (body.regions or regions).cut else ""
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +10,7 @@ from numpy.typing import NDArray
 from softseam_coupling.interfaces import Faces
 from softseam_coupling.kernels.nearest_face import N_OF_FACE
 from softseam_protocol.messages.pile import Meetings
-from softseam_protocol.scene.interfaces import written_key
 from softseam_services.body.body import Floats, Ints
-from softseam_services.body.contact_faces import faces_of
-from softseam_services.body.errors import SettingError
 from softseam_services.body.sampled_faces import SampledFaces
 from softseam_services.jit import Rows
 
@@ -24,24 +20,11 @@ from .kernels.between import DEPTH, IMPULSE, LARGEST, WORK, new_books
 from .kernels.eights import fill_eights, find_groups, lay_rows, new_eights, new_groups
 from .kernels.pairs import EIGHT
 from .kernels.search import find_rows
-from .kernels.touch import LISTED, N_INTS, N_NUMBERS, Touch
-from .pile_pieces import Piece, Pieces
+from .kernels.touch import LISTED, LISTED_OF_MESHES, N_INTS, N_NUMBERS, Touch
+from .pile_pieces import Pieces
+from .surfaces import NO_FACES, Contact, Surfaces, uponed
 
 Mask = NDArray[np.bool_]
-Numbers = NDArray[np.int64]
-
-_NO_NODES = np.zeros(0, dtype=np.int32)
-_NO_FACES = Faces(_NO_NODES, np.zeros((0, 3), dtype=np.int32), np.zeros(0), 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Contact:
-    """Between two bodies of a pile, or with a guest of it."""
-
-    bodies: tuple[int, int]
-    """their numbers, those of guests after those of the pile's bodies"""
-    friction: float
-    """Coulomb's coefficient [1]"""
 
 
 class Between:
@@ -49,56 +32,68 @@ class Between:
 
     def __init__(self, contacts: Mapping[str, Contact], pieces: Pieces, guests: Guests) -> None:
         own, m = len(pieces.each), len(contacts)
-        b = own + len(guests.faces)
+        surfaces = Surfaces(contacts, pieces.each, guests.faces)
+        b, all_ = surfaces.n_bodies, surfaces.all
         pair = np.array([each.bodies for each in contacts.values()], dtype=np.int32).reshape(m, 2)
-        faces: list[Faces | SampledFaces] = [*[_NO_FACES] * own, *guests.faces]
-        for name, contact in contacts.items():
-            for body in contact.bodies:
-                if body < own and faces[body] is _NO_FACES:
-                    faces[body] = _faces(name, pieces.each[body])
-        nodes = [each.nodes if isinstance(each, Faces) else np.arange(len(each.area)) for each in faces]
-        masses = [piece.parameters.arrays.inverse_mass[at] for piece, at in zip(pieces.each, nodes[:own], strict=True)]
+        sides = np.array([each.sides for each in surfaces.meets], dtype=np.int32).reshape(m, 2)
+        presses = np.array([each.presses for each in surfaces.meets]).reshape(m, 2)
+        around = np.array([each.around for each in surfaces.meets], dtype=np.int32)
         self._guests, self._n_own = guests, own
-        counts = np.array([len(each.area) for each in faces])
-        rows = np.concatenate([pieces.first_row, pieces.n_rows + np.cumsum([0, *counts[own:]])[:-1]]).astype(np.int32)
-        number = np.full(pieces.n_rows + counts[own:].sum(), -1, dtype=np.int32)
-        for first, own_nodes in zip(rows, nodes, strict=True):
-            number[first + own_nodes] = np.arange(len(own_nodes))
-        self._ends = np.cumsum([0, *counts[pair].ravel()])
-        p, f, triangles = int(counts.sum()), int(self._ends[-1]), _ends(len(each.triangles) for each in faces)
-        most = int(counts.max(initial=0))
+        counts = np.array([len(each.area) for each in all_])
+        p, s, triangles = int(counts.sum()), len(all_), _ends(len(each.triangles) for each in all_)
+        forces = np.array([surfaces.n_forces(surface) for surface in range(s)])[sides]
+        held = np.where((around[:, None] < 0) | (around[:, None] == [0, 1]), forces, 0)
+        pressing = np.where(presses > 0.0, counts[sides], 0)
+        self._ends, places = np.cumsum([0, *held.ravel()]), np.cumsum([0, *pressing.ravel()])
+        f, most = int(places[-1]), int(counts.max(initial=0))
+        follow, follows, by = _followed(surfaces)
+        upon = [uponed(each) for each in all_]
+        mesh = any(surfaces.followed(surface) for surface in range(s))
         self.touch = Touch(
+            body=np.array(surfaces.body, dtype=np.int32),
             first=_ends(counts),
-            node=np.concatenate(nodes).astype(np.int32),
-            row=rows,
-            number=number,
+            node=np.concatenate(
+                [each.nodes if isinstance(each, Faces) else np.zeros(len(each.area)) for each in all_]
+            ).astype(np.int32),
+            row=pieces.first_row,
+            number=_numbers(surfaces, pieces),
+            follow=follow,
+            follows=follows,
+            by=by,
             first_triangle=triangles,
-            corners=np.concatenate([each.triangles for each in faces]).astype(np.int32),
-            area=np.concatenate([each.area for each in faces]),
-            inverse_mass=np.concatenate([*masses, np.zeros(sum(counts[own:]))]),
-            yields=np.array([each.yields for each in faces]),
-            spacing=np.array([each.spacing for each in faces]),
+            corners=np.concatenate([each.triangles for each in all_]).astype(np.int32),
+            rounded=np.concatenate([_rounded(each) for each in all_]),
+            upon=np.concatenate([each[0] for each in upon]),
+            upon_share=np.concatenate([each[1] for each in upon]),
+            curved=np.array([not isinstance(each, Faces) and len(each.among.T) == 8 for each in all_]),
+            area=np.concatenate([each.area for each in all_]),
+            inverse_mass=np.concatenate([_inverse_mass(surfaces, pieces, surface) for surface in range(s)]),
+            yields=np.array([each.yields for each in all_]),
+            spacing=np.array([each.spacing for each in all_]),
             pair=pair,
+            sides=sides,
             friction=np.array([each.friction for each in contacts.values()], dtype=np.float64),
-            visits=np.asarray((pair >= own).any(axis=1)),
-            presses=np.array([_shares(faces[one], faces[other]) for one, other in pair.tolist()]).reshape(m, 2),
-            place=self._ends[:-1].reshape(m, 2).astype(np.int32),
+            visits=around >= 0,
+            around=around,
+            presses=presses,
+            place=places[:-1].reshape(m, 2).astype(np.int32),
+            held=np.stack([self._ends[:-1], self._ends[1:]], axis=1).reshape(m, 2, 2).astype(np.int32),
             guest_at=np.zeros_like(guests.came),
             guest_to=np.zeros_like(guests.came),
             at=np.zeros((p, 3)),
             to=np.zeros((p, 3)),
             out=np.zeros((p, 3)),
             faces=np.zeros((triangles[-1], N_OF_FACE)),
-            fresh=np.zeros(b, dtype=np.bool_),
-            box=np.zeros((b, 6)),
-            halo=np.zeros((b, 6)),
-            way=np.zeros((b, 4)),
-            middle=np.zeros((b, 4)),
+            fresh=np.zeros(s, dtype=np.bool_),
+            box=np.zeros((s, 6)),
+            halo=np.zeros((s, 6)),
+            way=np.zeros((s, 4)),
+            middle=np.zeros((s, 4)),
             since=np.full((m, 4), np.nan),
             n_close=np.zeros((m, 2), dtype=np.int32),
             close=np.zeros(f, dtype=np.int32),
             counts=np.zeros(f, dtype=np.int32),
-            listed=np.zeros((f, LISTED), dtype=np.int32),
+            listed=np.zeros((f, LISTED_OF_MESHES if mesh else LISTED), dtype=np.int32),
             last=np.zeros(f, dtype=np.int32),
             share=np.zeros((most, 3)),
             beside=np.zeros(most),
@@ -106,16 +101,18 @@ class Between:
             start=np.zeros(m + 1, dtype=np.int32),
             ints=np.zeros((f, N_INTS), dtype=np.int32),
             rows=np.zeros((f, N_NUMBERS)),
-            forces=np.zeros((2, f, 3)),
+            forces=np.zeros((2, self._ends[-1], 3)),
             carries=np.zeros((2, m), dtype=np.bool_),
             asleep=np.zeros(b, dtype=np.int32),
             stands=np.zeros(m, dtype=np.bool_),
         )
-        self._visits: Mask = self.touch.visits
-        self._make_room(counts, pair, [each for each in faces if isinstance(each, Faces)])
+        self._by_patches = bool((around >= 0).any())
+        squares = set(sides[around == 0, 0].tolist()) | set(sides[around == 1, 1].tolist())
+        met = [each if k in squares and isinstance(each, Faces) else NO_FACES for k, each in enumerate(all_[:own])]
+        guests.make_ready(m, met)
         self._dt = 1.0
-        sides = pair.ravel()
-        kept_by = np.where(sides < own, sides, np.where(pair[:, ::-1].ravel() < own, pair[:, ::-1].ravel(), 0))
+        bodies = pair.ravel()
+        kept_by = np.where(bodies < own, bodies, np.where(pair[:, ::-1].ravel() < own, pair[:, ::-1].ravel(), 0))
         self._own = [np.flatnonzero(kept_by == number) for number in range(own)]
         """contacts whose forces a body's snapshot has: its own, and those of guests that it meets"""
         self.groups, self.books = new_groups(b, m), new_books(b, m)
@@ -144,20 +141,8 @@ class Between:
                     self.eights = new_eights(2 * len(self.eights.laid), len(self._xw))
         if n_rows:
             fill_eights(touch, self.eights, self._n_eights)
-        if len(guests.faces):
-            guests.gather(touch, touch.forces[now])
-
-    def _make_room(self, counts: Numbers, pair: Ints, faces: list[Faces]) -> None:
-        """For patches: of each node of the side that they are around, with the nodes and points that may be near it."""
-        ones = n_nodes = n_entries = 0
-        meets = set(pair[self._visits].ravel().tolist())
-        for first, second in pair[self._visits].tolist():
-            one, guest = (second, first) if first >= self._n_own else (first, second)
-            ones += counts[one]
-            n_nodes += counts[one] * min(counts[one], 32)
-            n_entries += 16 * counts[one] + 4 * counts[guest]
-        met = [each if number in meets else _NO_FACES for number, each in enumerate(faces)]
-        self._guests.make_room(len(pair), ones, n_nodes, n_entries, met)
+        if self._by_patches:
+            guests.gather(touch, self._xw, touch.forces[now])
 
     @property
     def met(self) -> Meetings:
@@ -191,29 +176,41 @@ class Between:
         self.touch.stands[:] = False
 
 
-def _shares(one: Faces | SampledFaces, other: Faces | SampledFaces) -> tuple[float, float]:
-    """How much of its area each presses with: both with half of it, but a guest, with which patches are made, with all,
-    and of two guests the second."""
-    if isinstance(one, Faces) and isinstance(other, Faces):
-        return 0.5, 0.5
-    return (0.0, 1.0) if isinstance(other, SampledFaces) else (1.0, 0.0)
-
-
 def _ends(counts: Iterable[int]) -> Ints:
     """First of each, and the end of the last."""
     return np.cumsum([0, *counts]).astype(np.int32)
 
 
-def _faces(name: str, piece: Piece) -> Faces:
-    """The surface of a body that an interface of this name meets. Raises SettingError."""
-    found = faces_of(piece.body)
-    if found is None:
-        raise SettingError(f"{written_key(name)}: contact meets no surface that runs through cells yet: take blocks")
-    if piece.apart or piece.parameters.arrays.tolerance > 0.0:
-        raise SettingError(
-            f"{written_key(name)}: bodies that touch are advanced by sweeps that are as many in all of them: leave out "
-            "models.pbd.residual, method: leapfrog, and materials with a state of their own"
-        )
-    if len(piece.model.arrays.hanging.node):
-        raise SettingError(f"{written_key(name)}: contact meets no cells of two sizes yet: leave out models.pbd.coarse")
-    return found
+def _rounded(faces: Faces | SampledFaces) -> Mask:
+    """See `Touch.rounded`."""
+    return np.zeros(faces.triangles.shape, dtype=np.bool_) if isinstance(faces, Faces) else faces.rounded
+
+
+def _followed(surfaces: Surfaces) -> tuple[Ints, Ints, Floats]:
+    """See `Touch.follow`, `follows`, `by`."""
+    counts, nodes, weights = [np.zeros(0)], [np.zeros(0)], [np.zeros(0)]
+    for surface in range(len(surfaces.all)):
+        faces = surfaces.followed(surface)
+        if faces is not None:
+            counts.append(np.diff(faces.weights.indptr))
+            nodes.append(faces.nodes[faces.weights.indices])
+            weights.append(faces.weights.data)
+    return _ends(np.concatenate(counts)), np.concatenate(nodes).astype(np.int32), np.concatenate(weights)
+
+
+def _numbers(surfaces: Surfaces, pieces: Pieces) -> Ints:
+    """See `Touch.number`."""
+    number = np.full(pieces.n_rows, -1, dtype=np.int32)
+    for surface, body in reversed(list(enumerate(surfaces.body))):  # of nodes last: patches are around these
+        faces = surfaces.followed(surface)
+        if faces is not None or surfaces.of_nodes(surface):
+            nodes = surfaces.all[surface].nodes
+            number[pieces.first_row[body] + nodes] = np.arange(len(nodes))
+    return number
+
+
+def _inverse_mass(surfaces: Surfaces, pieces: Pieces, surface: int) -> Floats:
+    """See `Touch.inverse_mass`."""
+    if not surfaces.of_nodes(surface):
+        return np.zeros(len(surfaces.all[surface].area))
+    return np.asarray(pieces.each[surface].parameters.arrays.inverse_mass[surfaces.all[surface].nodes])

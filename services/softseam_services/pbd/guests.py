@@ -11,11 +11,11 @@ from scipy.sparse import csr_array
 
 from softseam_coupling.interfaces import Faces
 from softseam_protocol.messages.pile import Guest, Push
-from softseam_services.body.body import Floats
+from softseam_services.body.body import Floats, Ints
 from softseam_services.body.sampled_faces import SampledFaces
 
+from .kernels.gather import BODY, GUEST, GUEST_SLOT, N_INTS, N_NUMBERS, PLACE, SLOT, Patches, gather_patches
 from .kernels.guests import Guests as Arrays
-from .kernels.patches import BODY, GUEST, GUEST_SLOT, N_INTS, N_NUMBERS, PLACE, SLOT, Patches, gather_patches
 from .kernels.touch import Touch
 
 Mask = NDArray[np.bool_]
@@ -23,6 +23,8 @@ Mask = NDArray[np.bool_]
 _ALIKE = 0.001
 """by which weights of patches may differ from those with which a guest's answer was found [1]"""
 _NONE = np.zeros((0, 0))
+_AROUND = 8
+"""patches into which a point is gathered at most"""
 
 
 class Guests:
@@ -35,8 +37,10 @@ class Guests:
         q = int(first[-1])
         self.came, self.goes = np.zeros((q, 3)), np.zeros((q, 3))
         """points as the step begins, and as it ends under the forces that were thought to act (q, 3) [m]"""
-        self._among = np.concatenate([np.zeros((0, 4), np.int32), *(each.among for each in faces)])
-        self._part = np.concatenate([np.zeros((0, 4)), *(each.part for each in faces)])
+        self._among = np.concatenate(
+            [np.zeros((0, _AROUND), np.int32), *(np.pad(each.among, _beside(each)) for each in faces)]
+        )
+        self._part = np.concatenate([np.zeros((0, _AROUND)), *(np.pad(each.part, _beside(each)) for each in faces)])
         self._root = [_no_root(each) for each in faces]
         self._held = [np.zeros((len(each.nodes), 3)) for each in faces]
         self._away = np.zeros(g, dtype=np.bool_)  # those that sleep
@@ -45,23 +49,16 @@ class Guests:
         self._answered: list[csr_array | None] = [None] * g  # weights with which answers were found
         self._answers = [_NONE] * g
 
-    def make_room(self, n_meetings: int, n_patches: int, n_nodes: int, n_entries: int, met: Sequence[Faces]) -> None:
-        """For patches of so many meetings, with so many nodes, and points of guests; met: faces of the pile's bodies,
-        empty of those that meet no guest."""
+    def make_ready(self, n_meetings: int, met: Sequence[Faces]) -> None:
+        """For patches of so many meetings; met: faces of the pile's bodies, empty of those that no points press on."""
         across = [_across(faces) for faces in met]
         ends = np.cumsum([0, *(each.size for each in across)])
-        self.patches = Patches(
-            start=np.zeros(n_meetings + 1, dtype=np.int32),
-            ints=np.zeros((n_patches, N_INTS), dtype=np.int32),
-            rows=np.zeros((n_patches, N_NUMBERS)),
-            began=np.zeros((n_patches, 2, 3)),
-            node=np.zeros(n_nodes, dtype=np.int32),
-            weight=np.zeros(n_nodes),
-            slot=np.zeros((n_entries, 3), dtype=np.int32),
-            share=np.zeros(n_entries),
-            n_slots=np.zeros(len(self.faces), dtype=np.int32),
-            across=np.concatenate([np.zeros(0, np.int32), *(each.ravel() for each in across)]),
-            first_across=np.where(np.diff(ends) > 0, ends[:-1], -1),
+        self.patches = _new_patches(
+            1,
+            np.zeros(n_meetings + 1, dtype=np.int32),
+            np.zeros(len(self.faces), dtype=np.int32),
+            np.concatenate([np.zeros(0, np.int32), *(each.ravel() for each in across)]),
+            np.where(np.diff(ends) > 0, ends[:-1], -1),
         )
         """of a step, as kernels take them"""
         self._show(np.zeros((0, 3)))
@@ -93,11 +90,13 @@ class Guests:
             self.came[own], self.goes[own] = faces.places(one.x), faces.places(one.x if away else one.x_next)
         return self._away
 
-    def gather(self, touch: Touch, held: Floats) -> None:
-        """Rows were found: make their patches, which begin with forces of these (f, 3) [N], and find how they move one
-        another."""
+    def gather(self, touch: Touch, xw: Floats, held: Floats) -> None:
+        """Rows were found: make their patches, which begin with forces of these (k, 3) [N], and find how they move one
+        another. xw: of the pile, see `Pieces`."""
+        while (n := gather_patches(touch, self.patches, xw, self._n_own, self._among, self._part)) < 0:
+            p = self.patches
+            self.patches = _new_patches(2 * len(p.ints), p.start, p.n_slots, p.across, p.first_across)
         patches = self.patches
-        n = gather_patches(touch, patches, self._n_own, self._among, self._part)
         slot, share = patches.slot[:n], patches.share[:n]
         for place, faces in enumerate(self.faces):
             own = slot[:, 0] == place
@@ -124,7 +123,8 @@ class Guests:
         first, none = np.cumsum([0, *counts]).astype(np.int32), np.zeros((0, 3))
         ints = self.patches.ints[: self.patches.start[-1]]
         force, begun = held[ints[:, PLACE]], np.zeros((first[-1], 3))
-        begun[first[ints[:, GUEST]] + ints[:, GUEST_SLOT]] -= force
+        guest = ints[:, GUEST] >= 0
+        begun[first[ints[guest, GUEST]] + ints[guest, GUEST_SLOT]] -= force[guest]
         both = ints[:, SLOT] >= 0
         begun[first[ints[both, BODY] - self._n_own] + ints[both, SLOT]] += force[both]
         came, goes = [none], [none]
@@ -168,6 +168,30 @@ class Guests:
         """What was sent of how they answer is sent again."""
         self._root = [_no_root(each) for each in self.faces]
         self._answered = [None] * len(self._answered)
+
+
+def _new_patches(patches: int, start: Ints, n_slots: Ints, across: Ints, first_across: NDArray[np.int64]) -> Patches:
+    """Room for so many, and for the nodes and points that these may have."""
+    nodes, points = 64 * patches, 128 * patches
+    return Patches(
+        start=start,
+        ints=np.zeros((patches, N_INTS), dtype=np.int32),
+        rows=np.zeros((patches, N_NUMBERS)),
+        began=np.zeros((patches, 2, 3)),
+        node=np.zeros(nodes, dtype=np.int32),
+        weight=np.zeros(nodes),
+        bend=np.zeros((points, 2)),
+        slot=np.zeros((points, 3), dtype=np.int32),
+        share=np.zeros(points),
+        n_slots=n_slots,
+        across=across,
+        first_across=first_across,
+    )
+
+
+def _beside(faces: SampledFaces) -> tuple[tuple[int, int], tuple[int, int]]:
+    """What its arrays of patches lack to be as wide as of all."""
+    return (0, 0), (0, _AROUND - faces.among.shape[1])
 
 
 def _no_root(faces: SampledFaces) -> Floats:

@@ -33,7 +33,7 @@ from softseam_services.body.sampled_faces import SampledFaces
 from softseam_services.request_check import problem_of
 
 from . import watch
-from .between import Between, Contact
+from .between import Between
 from .guests import Guests
 from .kernels import pile as of_pile
 from .kernels import summary as k
@@ -44,6 +44,7 @@ from .kernels.thread_team import new_team
 from .pile_pieces import Piece, Pieces
 from .records import PbdState, decode_state, encode_state, new_inputs
 from .step import NO_FORCES, StepInputs, place_tools, share_out, start_state, stay, step
+from .surfaces import Contact
 
 if TYPE_CHECKING:  # which builds by the row that names this file
     from softseam_services.server import Setup

@@ -42,8 +42,8 @@ def build(setup: Setup, request: Configure, built: Built) -> tuple[Solver, Confi
 
 def build_pile(setups: Sequence[Setup], guests: Sequence[Setup], request: Configure) -> tuple[Solver, Configured]:
     """A pile of bodies in cells."""
-    from softseam_services.pbd.between import Contact
     from softseam_services.pbd.pile import PileSolver
+    from softseam_services.pbd.surfaces import Contact
 
     names, scene = [*request.bodies, *request.guests], scene_from_bundle(request.bundle)
     places = {name: place for place, name in enumerate(names)}

@@ -6,7 +6,7 @@ forces on them move them by dx = A (f - F). In substep k of N the pile's bodies 
     u_k = x_0 + k/N (x_1 - x_0) + 1/N A sum_{j <= k} (f_j - F)                                                   (1)
 
 with the forces f_j of substep j, so that a patch's force moves the guest by A df/N at once: it is solved with c + A/N
-in place of c, see `between`. At the end u_N is where the guest goes under the mean force f = 1/N sum f_j, linearly,
+in place of c, see `patches`. At the end u_N is where the guest goes under the mean force f = 1/N sum f_j, linearly,
 which is what acts on it: momentum is kept.
 
 What contact takes from the pile's bodies, -sum_k f_k (u_k - u_{k-1}), and what the guest has of it, f (u_N - x_0), are
@@ -23,7 +23,7 @@ import numpy as np
 from softseam_services.body.body import Floats, Ints
 from softseam_services.jit import njit, record
 
-from .patches import (
+from .gather import (
     BODY,
     END,
     FIRST,
@@ -38,9 +38,8 @@ from .patches import (
     SLOT,
     SOFT,
     YIELDS,
-    place_of,
-    place_on_guest,
 )
+from .patches import place_of, place_on_other, press
 
 
 @record
@@ -86,7 +85,9 @@ def begin_guests(guests, which, patches, meetings, n_substeps):
     for meeting in meetings:
         for r in range(patches.start[meeting], patches.start[meeting + 1]):
             ints, row = patches.ints[r], patches.rows[r]
-            along, whole = _own_answer(guests, ints[GUEST], ints[GUEST_SLOT], row)
+            along, whole = 0.0, 0.0
+            if ints[GUEST] >= 0:
+                along, whole = _own_answer(guests, ints[GUEST], ints[GUEST_SLOT], row)
             if ints[SLOT] >= 0:
                 a, w = _own_answer(guests, ints[BODY] - guests.n_own[0], ints[SLOT], row)
                 along, whole = along + a, whole + w
@@ -127,20 +128,19 @@ def place_guests(guests, which, patches, meetings, substep, n_substeps):
 
 @njit(cache=True, error_model="numpy")
 def project_patches(patches, meetings, xw, hh, guests, n_substeps):
-    """Solve eq. (1) of `between` for patches, one after the other; hh is the substep squared [s^2]. xw is moved, and
-    guests."""
+    """Solve patches, see `patches` and eq. (1) of `between`, one after the other; hh is the substep squared [s^2].
+    xw is moved, and guests."""
     for meeting in meetings:
         for r in range(patches.start[meeting], patches.start[meeting + 1]):
             ints, row = patches.ints[r], patches.rows[r]
             nx, ny, nz = row[NORMAL], row[NORMAL + 1], row[NORMAL + 2]
             fx, fy, fz = row[FORCE], row[FORCE + 1], row[FORCE + 2]
-            dx = place_of(patches, ints, xw, guests, 0) - place_on_guest(ints, guests, 0)
-            dy = place_of(patches, ints, xw, guests, 1) - place_on_guest(ints, guests, 1)
-            dz = place_of(patches, ints, xw, guests, 2) - place_on_guest(ints, guests, 2)
+            dx = place_of(patches, ints, xw, guests, 0) - place_on_other(patches, ints, xw, guests, 0)
+            dy = place_of(patches, ints, xw, guests, 1) - place_on_other(patches, ints, xw, guests, 1)
+            dz = place_of(patches, ints, xw, guests, 2) - place_on_other(patches, ints, xw, guests, 2)
             soft = row[SOFT]
-            stiff = 1.0 / (hh * row[GIVES] + soft + row[YIELDS])
-            old = max(0.0, fx * nx + fy * ny + fz * nz)
-            p = max(0.0, old - (dx * nx + dy * ny + dz * nz + soft * old) * stiff)
+            old, gives = max(0.0, fx * nx + fy * ny + fz * nz), hh * row[GIVES] + row[YIELDS]
+            p = press(patches, ints, dx * nx + dy * ny + dz * nz - gives * old, gives)
             tx, ty, tz = 0.0, 0.0, 0.0
             if p > 0.0 and row[RUB] > 0.0:
                 began = patches.began[r]
@@ -166,7 +166,8 @@ def project_patches(patches, meetings, xw, hh, guests, n_substeps):
                 xw[node, 2] += step * gz
             if ints[SLOT] >= 0:
                 _move(guests, ints[BODY] - guests.n_own[0], ints[SLOT], 1.0 / n_substeps, gx, gy, gz)
-            _move(guests, ints[GUEST], ints[GUEST_SLOT], -1.0 / n_substeps, gx, gy, gz)
+            if ints[GUEST] >= 0:
+                _move(guests, ints[GUEST], ints[GUEST_SLOT], -1.0 / n_substeps, gx, gy, gz)
 
 
 @njit(cache=True, error_model="numpy")
@@ -193,7 +194,8 @@ def _feel(guests, which, patches, meetings):
         for r in range(patches.start[meeting], patches.start[meeting + 1]):
             ints, row = patches.ints[r], patches.rows[r]
             for c in range(3):
-                guests.now[guests.first_slot[ints[GUEST]] + ints[GUEST_SLOT], c] -= row[FORCE + c]
+                if ints[GUEST] >= 0:
+                    guests.now[guests.first_slot[ints[GUEST]] + ints[GUEST_SLOT], c] -= row[FORCE + c]
                 if ints[SLOT] >= 0:
                     mine = guests.first_slot[ints[BODY] - guests.n_own[0]] + ints[SLOT]
                     guests.now[mine, c] += row[FORCE + c]

@@ -26,7 +26,8 @@ from softseam_coupling.kernels.nearest_face import (
 from softseam_services.jit import njit
 
 from .asleep import AWAKE, LIES, gives
-from .touch import GIVES, LISTED, MARGIN, N_INTS, NORMAL, RUB, SHARE, SOFT, stand
+from .sampled_points import add_for_patches, look_upon, project_on
+from .touch import GIVES, MARGIN, N_INTS, NORMAL, RUB, SHARE, SOFT, stand
 
 
 @njit(cache=True, error_model="numpy")
@@ -38,22 +39,25 @@ def find_rows(members, n_own, touch, now, dt):
 
     Returns how many rows there are, and whether `ints` are others than in the last step.
     """
-    first = touch.first
-    for body in range(len(first) - 1):
-        touch.fresh[body] = False
-        if first[body] < first[body + 1] and touch.asleep[body] != LIES:
-            if body < n_own:
-                _go_on(members[body], touch, body, dt * gives(touch, body))
+    first, n_guests = touch.first, len(touch.asleep) - n_own
+    for own in range(len(touch.body)):
+        body = touch.body[own]
+        touch.fresh[own] = False
+        if first[own] < first[own + 1] and touch.asleep[body] != LIES:
+            if own >= n_own + n_guests:
+                _follow(members[body], touch, own, first[n_own + n_guests], dt * gives(touch, body))
+            elif own < n_own:
+                _go_on(members[body], touch, own, dt * gives(touch, body))
             else:
-                begin, end = first[body] - first[n_own], first[body + 1] - first[n_own]
-                _go(touch, body, touch.guest_at[begin:end], touch.guest_to[begin:end])
-            _place(touch, body)
+                begin, end = first[own] - first[n_own], first[own + 1] - first[n_own]
+                _go(touch, own, touch.guest_at[begin:end], touch.guest_to[begin:end])
+            _place(touch, own)
     n, others, halo = 0, False, touch.halo
     for meeting in range(len(touch.pair)):
-        a, b = touch.pair[meeting, 0], touch.pair[meeting, 1]
+        a, b = touch.sides[meeting, 0], touch.sides[meeting, 1]
         others = others or touch.start[meeting] != n
         touch.start[meeting] = n
-        still = touch.asleep[a] != AWAKE and touch.asleep[b] != AWAKE
+        still = touch.asleep[touch.body[a]] != AWAKE and touch.asleep[touch.body[b]] != AWAKE
         if (touch.carries[0, meeting] or touch.carries[1, meeting]) and not (still and touch.stands[meeting]):
             stand(touch, meeting, now, 1.0 if still else 0.0)
         touch.stands[meeting] = still
@@ -80,6 +84,24 @@ def _go_on(member, touch, body, dt):
             goes = x[node, c] + dt * v[node, c]
             moved[i, c] = goes - to[i, c]
             to[i, c] = goes
+
+
+@njit(cache=True, error_model="numpy")
+def _follow(member, touch, own, base, dt):
+    """As `_go_on`, of a surface whose points follow nodes, as they are listed for all points from number base on."""
+    begin, end = touch.first[own], touch.first[own + 1]
+    x, v = member.before.x, member.before.v
+    at, to, moved = touch.at[begin:end], touch.to[begin:end], touch.moved
+    for i in range(end - begin):
+        px = py = pz = vx = vy = vz = 0.0
+        for k in range(touch.follow[begin - base + i], touch.follow[begin - base + i + 1]):
+            node, w = touch.follows[k], touch.by[k]
+            px, py, pz = px + w * x[node, 0], py + w * x[node, 1], pz + w * x[node, 2]
+            vx, vy, vz = vx + w * v[node, 0], vy + w * v[node, 1], vz + w * v[node, 2]
+        at[i, 0], at[i, 1], at[i, 2] = px, py, pz
+        px, py, pz = px + dt * vx, py + dt * vy, pz + dt * vz
+        moved[i, 0], moved[i, 1], moved[i, 2] = px - to[i, 0], py - to[i, 1], pz - to[i, 2]
+        to[i, 0], to[i, 1], to[i, 2] = px, py, pz
 
 
 @njit(cache=True, error_model="numpy")
@@ -144,7 +166,7 @@ def _find_way(at, to, way):
 def _meet(touch, meeting, now, n):
     """Rows of the points of two bodies, after n others; returns how many there are then, and whether others than in
     the last step."""
-    a, b = touch.pair[meeting, 0], touch.pair[meeting, 1]
+    a, b = touch.sides[meeting, 0], touch.sides[meeting, 1]
     reach = REACH * min(touch.spacing[a], touch.spacing[b])
     square = 0.0
     for c in range(3):
@@ -160,6 +182,8 @@ def _meet(touch, meeting, now, n):
             begin, end = touch.first[body], touch.first[body + 1]
             one, other = touch.first_triangle[body], touch.first_triangle[body + 1]
             look_at_surface(touch.to[begin:end], touch.corners[one:other], touch.faces[one:other], touch.out[begin:end])
+            if touch.curved[body]:
+                look_upon(touch.upon[begin:end], touch.upon_share[begin:end], touch.out[begin:end])
             touch.fresh[body] = True
     others = False
     if fast:
@@ -189,7 +213,7 @@ def _meet(touch, meeting, now, n):
 @njit(cache=True, error_model="numpy")
 def _list(touch, meeting, side, x, far):
     """Triangles of the other body no farther than `far` [m] from the points of one, both at x, by their boxes."""
-    own, other = touch.pair[meeting, side], touch.pair[meeting, 1 - side]
+    own, other = touch.sides[meeting, side], touch.sides[meeting, 1 - side]
     if touch.presses[meeting, side] == 0.0:
         touch.n_close[meeting, side] = 0
         return
@@ -213,6 +237,8 @@ def _list(touch, meeting, side, x, far):
     n = 0
     for i in range(len(points)):
         px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        if touch.area[touch.first[own] + i] == 0.0:  # for display
+            continue
         if px < theirs[0] or px > theirs[3] or py < theirs[1] or py > theirs[4] or pz < theirs[2] or pz > theirs[5]:
             continue
         count = 0
@@ -221,12 +247,12 @@ def _list(touch, meeting, side, x, far):
                 continue
             if pz < boxes[k, 2] or pz > boxes[k, 5]:
                 continue
-            if count < LISTED:
+            if count < touch.listed.shape[1]:
                 touch.listed[place + n, count] = some[k]
             count += 1
         if count > 0:
             touch.close[place + n], touch.last[place + n] = i, -1
-            touch.counts[place + n] = count if count <= LISTED else EVERY
+            touch.counts[place + n] = count if count <= touch.listed.shape[1] else EVERY
             n += 1
     touch.n_close[meeting, side] = n
 
@@ -235,7 +261,7 @@ def _list(touch, meeting, side, x, far):
 def _add_of(touch, meeting, side, now, x, far, reach, n):
     """As `_meet`, of the points of one of the bodies, with triangles no farther than `far` [m] where points are at x;
     beside a face by `reach` [m], or behind it by more, a point feels nothing."""
-    own, other = touch.pair[meeting, side], touch.pair[meeting, 1 - side]
+    own, other = touch.sides[meeting, side], touch.sides[meeting, 1 - side]
     begin, end, theirs = touch.first[own], touch.first[own + 1], touch.first[other]
     points, them = x[begin:end], x[theirs : touch.first[other + 1]]
     first, last = touch.first_triangle[other], touch.first_triangle[other + 1]
@@ -250,19 +276,20 @@ def _add_of(touch, meeting, side, now, x, far, reach, n):
         *(points, touch.out[begin:end], close, touch.counts[place:until], touch.listed[place:until], nearest),
         *(them, corners, faces, far, reach, touch.share, touch.beside),
     )
-    if len(close) == 0:
-        return n, False
+    if touch.visits[meeting] or len(close) == 0:
+        return add_for_patches(touch, meeting, side, points, them, faces, far, reach, n)
     mine, their = touch.inverse_mass[begin:end], touch.inverse_mass[theirs : touch.first[other + 1]]
     soft = (touch.yields[own] + touch.yields[other]) / touch.presses[meeting, side]
     rub, others = touch.friction[meeting], False
-    own_gives, other_gives = gives(touch, own), gives(touch, other)
+    own_gives, other_gives = gives(touch, own), gives(touch, other)  # of surfaces by nodes, one a body
+    kept = touch.held[meeting, side, 0]
     for i in range(len(close)):
         covered = 1.0 - touch.beside[i] / reach
         if nearest[i] < 0 or not covered > 0.0:
             continue
         point, face = close[i], nearest[i]
         a, b, c = corners[face, 0], corners[face, 1], corners[face, 2]
-        s0, s1, s2 = _project(points, point, them, a, b, c)
+        s0, s1, s2 = project_on(points, point, them, a, b, c)
         gap = 0.0
         row, ints = touch.rows[n], touch.ints[n]
         for k in range(3):
@@ -276,7 +303,7 @@ def _add_of(touch, meeting, side, now, x, far, reach, n):
         row[GIVES] = own_gives * mine[point]
         row[GIVES] += other_gives * (s0 * s0 * their[a] + s1 * s1 * their[b] + s2 * s2 * their[c])
         row[RUB] = rub
-        force, to = touch.forces[now], place + point
+        force, to = touch.forces[now], kept + point
         touches = gap <= 0.0 or force[to, 0] != 0.0 or force[to, 1] != 0.0 or force[to, 2] != 0.0
         rank = 0 if touches else 1
         first_own, first_other = touch.row[own], touch.row[other]
@@ -287,19 +314,6 @@ def _add_of(touch, meeting, side, now, x, far, reach, n):
             ints[k] = found[k]
         n += 1
     return n, others
-
-
-@njit(cache=True, error_model="numpy", forceinline=True)
-def _project(points, point, x, i, j, k):
-    """Weights of a triangle's corners in the foot of a point on its plane, which may be outside: there force and
-    reaction are on one line."""
-    bb = bc = cc = pb = pc = 0.0
-    for c in range(3):
-        ab, ac, ap = x[j, c] - x[i, c], x[k, c] - x[i, c], points[point, c] - x[i, c]
-        bb, bc, cc, pb, pc = bb + ab * ab, bc + ab * ac, cc + ac * ac, pb + ap * ab, pc + ap * ac
-    size = bb * cc - bc * bc
-    second, third = (cc * pb - bc * pc) / size, (bb * pc - bc * pb) / size
-    return 1.0 - second - third, second, third
 
 
 @njit(cache=True, error_model="numpy")
