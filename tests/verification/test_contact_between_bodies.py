@@ -119,6 +119,18 @@ def test_friction_holds_on_a_slope_and_yields(model: str) -> None:
 
 
 @MODELS
+def test_friction_holds_up_to_its_angle(model: str) -> None:
+    """At 20 degrees: with a coefficient whose angle is half a degree more the cube stays once it has come to rest, with
+    half a degree less it goes."""
+    more, less = (float(np.tan(SLOPE + np.radians(by))) for by in (0.5, -0.5))
+    held = Run(scene(cube(position=[-0.004, 0.0, EDGE]), friction=more, tilt=SLOPE, model=model, duration=0.8))
+    assert abs(held.apart[-1, 0] - held.apart[-20, 0]) < 5e-6
+    slid = Run(scene(cube(position=[-0.004, 0.0, EDGE]), friction=less, tilt=SLOPE, model=model))
+    way = 0.5 * 9.81 * (np.sin(SLOPE) - less * np.cos(SLOPE)) * 0.3**2
+    assert slid.apart[-1, 0] + 0.004 > 0.8 * way
+
+
+@MODELS
 def test_a_cube_that_is_thrown_along_another_stops(model: str) -> None:
     """After v^2/(2 mu g), less v h/2 of FEM's implicit Euler; its friction took what it had, but for what the cubes
     damp."""

@@ -129,7 +129,13 @@ def test_a_ball_that_is_dropped_on_a_block_lies_there(tmp_path: Path, model: str
     volume = 0.06 * 0.06 * 0.03 + 4.0 / 3.0 * np.pi * RADIUS**3 * 0.981
     print(model, run.reports[-1].wrench[0, 2], 9.81 * DENSITY * volume, run.reports[-1].interfaces["touch"])
     e, g = run.energy, run.given("touch")
-    print("energy rise", np.diff(e).max() / np.abs(e).max(), "given", g.max() / np.abs(g).max(), [r.penetration if hasattr(r,'penetration') else 0 for r in run.reports[-1:]])
+    print(
+        "energy rise",
+        np.diff(e).max() / np.abs(e).max(),
+        "given",
+        g.max() / np.abs(g).max(),
+        [r.penetration if hasattr(r, "penetration") else 0 for r in run.reports[-1:]],
+    )
     fz = np.array([each.wrench[0, 2] for each in run.reports[-20:]])
     print(fz)
     print(run.middle["upper"][-1], run.middle["upper"][0])
