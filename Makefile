@@ -11,6 +11,9 @@ PY := $(VENV)/bin/python
 SOURCES := protocol coupling services clients tests docs
 PIP := $(PY) -m pip --disable-pip-version-check --quiet
 
+# what is installed is translated when it is first imported, and kept; else each of many processes would do it again
+unexport PYTHONDONTWRITEBYTECODE
+
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
 

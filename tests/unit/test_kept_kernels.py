@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -36,11 +36,10 @@ class Tiny:
 
     def start(self, step: int = 1) -> Any:
         """The kernel as a new process meets it."""
-        self._source.write_text(SOURCE.format(njit=self._njit, step=step))
-        spec = importlib.util.spec_from_file_location("tiny", self._source)
-        assert spec is not None and spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
+        text, module = SOURCE.format(njit=self._njit, step=step), ModuleType("tiny")
+        self._source.write_text(text)
+        # an import would take what Python kept of a source as long that was written in the same second
+        exec(compile(text, self._source, "exec"), vars(module))
         return module.more
 
     def file(self, ending: str) -> Path:

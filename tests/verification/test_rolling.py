@@ -12,7 +12,7 @@ from fem_run import FemRun, block
 from numpy.typing import NDArray
 
 import softseam
-from softseam_protocol.scene.file import bundle_scene, load_scene
+from softseam_protocol.scene.file import load_scene
 from softseam_services.body.body import Body
 from softseam_services.server import build_setup
 
@@ -57,7 +57,7 @@ def scene(folder: Path, model: str, body: dict[str, Any], **keys: Any) -> Path:
 
 def body_of(file: Path) -> Body:
     """As a session builds it."""
-    body = build_setup(bundle_scene(load_scene(file))).body
+    body = build_setup(load_scene(file).bundle).body
     assert body.has_cells
     return body
 
