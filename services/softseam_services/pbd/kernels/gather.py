@@ -6,8 +6,8 @@ away, are gathered by the weights t_qi of the nodes i around them (a mortar with
 
     w_qi = s_q a_q t_qi/sum_q,   d_i = sum_q w_qi d_q,   n_i ~ sum_q w_qi n_q                                      (1)
 
-with s_q = 1 of points that are inside, or will be, hardly anything of those that are not near that. What they press with together is
-the sum of what each does where they go along with d_i,
+with s_q = 1 of points that are inside, or will be, hardly anything of those that are not near that. What they press
+with together is the sum of what each does where they go along with d_i,
 
     F_i = sum_q k_q max(0, -e_q - n_i . d_i),   k_q = a_q t_qi/y,   e_q = g_q - (n_i . d_i)                         (2)
 

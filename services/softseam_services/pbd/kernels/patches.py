@@ -53,6 +53,22 @@ def place_on_other(patches, ints, xw, guests, c):
     return found
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def way_between(patches, ints, xw, guests):
+    """The way from its place on the other body to that on the one that it is around (3,) [m]."""
+    x = y = z = 0.0
+    for k in range(ints[FIRST], ints[END]):
+        w, node = patches.weight[k], patches.node[k]
+        x, y, z = x + w * xw[node, 0], y + w * xw[node, 1], z + w * xw[node, 2]
+    if ints[SLOT] >= 0:
+        at = guests.at[guests.first_slot[ints[BODY] - guests.n_own[0]] + ints[SLOT]]
+        x, y, z = x + at[0], y + at[1], z + at[2]
+    if ints[GUEST] >= 0:
+        at = guests.at[guests.first_slot[ints[GUEST]] + ints[GUEST_SLOT]]
+        x, y, z = x - at[0], y - at[1], z - at[2]
+    return x, y, z
+
+
 @njit(cache=True, error_model="numpy")
 def press(patches, ints, away, gives):
     """Eq. (2) of `gather`, of one patch: its force along n [N], where without any it would be `away` from the other
