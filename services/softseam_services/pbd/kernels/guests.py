@@ -33,6 +33,7 @@ from .gather import (
     GUEST_SLOT,
     HELD,
     NORMAL,
+    OFFSET,
     RUB,
     SLIDES,
     SLOT,
@@ -138,7 +139,8 @@ def project_patches(patches, meetings, xw, hh, guests, n_substeps):
             dx, dy, dz = way_between(patches, ints, xw, guests)
             soft = row[SOFT]
             old, gives = max(0.0, fx * nx + fy * ny + fz * nz), hh * row[GIVES] + row[YIELDS]
-            p = press(patches, ints, dx * nx + dy * ny + dz * nz - gives * old, gives)
+            away = dx * nx + dy * ny + dz * nz + row[OFFSET]
+            p = press(patches, ints, away - gives * old, gives)
             tx, ty, tz = 0.0, 0.0, 0.0
             if p > 0.0 and row[RUB] > 0.0:
                 began = patches.began[r]
