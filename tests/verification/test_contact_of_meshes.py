@@ -133,6 +133,22 @@ def test_a_ball_that_is_dropped_on_a_block_lies_there(tmp_path: Path, model: str
     assert run.energy.max() <= run.energy[0] + 1e-3 * np.abs(run.energy[0])
 
 
+@MODELS
+@pytest.mark.parametrize(
+    ("velocity", "young"), [((0.5, 0.3, -1.0), 2e5), ((0.0, 0.0, -1.0), 2e4), ((0.0, 0.0, -2.0), 2e5)]
+)
+def test_a_knock_makes_no_energy(
+    tmp_path: Path, velocity: tuple[float, float, float], young: float, model: str
+) -> None:
+    """And does not go through, though a step takes the ball by up to a cell."""
+    upper, lower = models_of(model)
+    thrown = ball(young, position=[-0.004, 0.0, 0.032], velocity=velocity, regions={"default": upper})
+    bodies = {"lower": block([0.06, 0.06, 0.03], 0.015, young, regions={"default": lower}), "upper": thrown}
+    run = Run(tmp_path, bodies, tools=FLOOR, interfaces=TOUCH, duration=0.1)
+    assert run.energy.max() <= run.energy[0] * (1.0 + 1e-9) and run.given("touch").max() <= 0.0
+    assert min(middle[2] for middle in run.middle["upper"]) > 0.03
+
+
 def _corners(x: Any) -> tuple[Any, Any]:
     return x[:, 0], np.cross(x[:, 1], x[:, 2])
 
