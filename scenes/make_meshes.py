@@ -1,6 +1,7 @@
 """Make the meshes of the food scenes: `python scenes/make_meshes.py` writes them beside it, in millimetres.
 
-sausage.obj and dumpling.obj are tubes of rings between two poles, closed and counter-clockwise from outside;
+sausage.obj, dumpling.obj and strawberry.obj are tubes of rings between two poles, closed and counter-clockwise from
+outside; bowl.obj is a tool, a shell round z;
 calamari.vtk is a ring of quadratic hexahedra, pudding.vtk a stump of tetrahedra.
 """
 
@@ -72,6 +73,43 @@ def dumpling() -> tuple[Floats, NDArray[np.int64]]:
     return tube(46, 24, section)
 
 
+def strawberry() -> tuple[Floats, NDArray[np.int64]]:
+    """A strawberry that lies, 36 mm long and 28 mm thick at its shoulders, without its leaves; no two sides alike."""
+    length, radius = 36.0, 14.0
+
+    def section(u: float, angle: Floats) -> Floats:
+        r = radius * np.sqrt(max(0.0, 1.0 - u * u)) * (1.0 - 0.28 * u) * 0.96
+        y, z = r * (1.0 + 0.03 * np.cos(2.0 * angle)) * np.cos(angle), r * np.sin(angle)
+        return np.stack([np.full_like(angle, 0.5 * length * u), y + 0.8 * u * u, z], axis=1)
+
+    return tube(14, 18, section)
+
+
+def bowl() -> tuple[Floats, NDArray[np.int64]]:
+    """A bowl 240 mm wide and 90 mm high, with a wall of 6 mm and a flat foot."""
+    n_around, n_up = 36, 10
+    angle = 2.0 * np.pi * np.arange(n_around) / n_around
+    t = np.linspace(0.0, 1.0, n_up)
+    inside = np.stack([40.0 + 74.0 * np.sin(0.5 * np.pi * t), 6.0 + 84.0 * (1.0 - np.cos(0.5 * np.pi * t))], axis=1)
+    outside = np.stack([inside[:, 0] + 6.0, np.maximum(inside[:, 1] - 6.0 * (1.0 - t), 0.0)], axis=1)
+    profile = np.concatenate([inside[::-1], outside])  # from the rim down, and up again outside
+    rings = [np.stack([r * np.cos(angle), r * np.sin(angle), np.full_like(angle, z)], axis=1) for r, z in profile]
+    here, n = np.arange(n_around), len(profile)
+    following, triangles = (here + 1) % n_around, []
+    for ring in range(n):
+        if ring == n_up - 1:
+            continue  # the foot, inside and outside, is closed by two discs
+        a, b = ring * n_around + here, ring * n_around + following
+        c, d = (ring + 1) % n * n_around + here, (ring + 1) % n * n_around + following
+        triangles += [np.stack([a, d, c], axis=1), np.stack([a, b, d], axis=1)]
+    foot, vertices = (n_up - 1) * n_around, np.concatenate(rings)
+    for first, at, turn in ((foot, profile[n_up - 1, 1], 1), (foot + n_around, profile[n_up, 1], -1)):
+        vertices = np.concatenate([vertices, [[0.0, 0.0, at]]])
+        sides = np.stack([np.full(n_around, len(vertices) - 1), first + here, first + following], axis=1)
+        triangles.append(sides[:, ::turn])
+    return vertices, np.concatenate(triangles)
+
+
 def calamari() -> tuple[Floats, NDArray[np.int64]]:
     """A ring of squid about y, 40 mm across, 12 mm wide, 7 mm thick: points, and 16 x 2 x 1 cells of 27 nodes."""
     around, through, along = 16, 2, 1
@@ -112,7 +150,7 @@ def pudding() -> tuple[Floats, NDArray[np.int64]]:
     return points, np.concatenate(cells)
 
 
-MESHES = {"sausage.obj": sausage, "dumpling.obj": dumpling}
+MESHES = {"sausage.obj": sausage, "dumpling.obj": dumpling, "strawberry.obj": strawberry, "bowl.obj": bowl}
 
 
 def obj_text(name: str) -> str:

@@ -30,10 +30,10 @@ MEETINGS = ((0, 1), (2, 1), (0, 2), (3, 2))
 
 
 class Four:
-    """Cubes of one, two and three cells an edge, which meet one another."""
+    """Cubes of two cells an edge, which meet one another by their nodes."""
 
     def __init__(self) -> None:
-        bodies = {f"cube{k}": cube(k, 4, cells, material=FIRM) for k, cells in enumerate((1, 2, 2, 3))}
+        bodies = {f"cube{k}": cube(k, 4, cells, material=FIRM) for k, cells in enumerate((2, 2, 2, 2))}
         bundle = bundle_scene(scene_of(bodies))
         self.pieces = Pieces([build_setup(bundle, name) for name in bodies])
         contacts = {f"{a}{b}": Contact((a, b), 0.3) for a, b in MEETINGS}

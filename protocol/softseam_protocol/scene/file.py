@@ -4,7 +4,7 @@ import difflib
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -83,7 +83,8 @@ def load_scene(path: str | Path) -> LoadedScene:
         line = raw.count(b"\n", 0, error.start) + 1
         raise SceneError(str(path), line, 1, "", "not UTF-8 text: is this a scene file?") from None
     scene, marked = _parse(text, str(path))
-    files = {named: _read_mesh(path, key, named, marked.values[key]) for key, named in files_of(scene)}
+    keys = {named: _written(key, marked.values) for key, named in reversed(files_of(scene))}
+    files = {named: _read_mesh(path, key, named, marked.values[key]) for named, key in keys.items()}
     return LoadedScene(scene, Bundle(scene_json(scene), files), path, text)
 
 
@@ -103,12 +104,17 @@ def scene_from_document(document: dict[str, Any], name: str) -> Scene:
 def place_of(path: Path, key: str) -> tuple[int, int]:
     """Line and column of a dotted key in a scene's file, or of what of it is there. Raises OSError and YamlError."""
     values = marked_yaml.parse(path.read_text("utf-8-sig")).values
-    at: marked_yaml.Path = tuple(int(item) if item.isdigit() else item for item in key.split("."))
-    if len(at) > 1 and at[0] == "bodies" and at[:2] not in values:
-        at = ("bodies", repeated(str(at[1])), *at[2:])
+    at = _written(tuple(int(item) if item.isdigit() else item for item in key.split(".")), values)
     while at not in values:
         at = at[:-1]
     return values[at].line, values[at].column
+
+
+def _written(key: marked_yaml.Path, values: Collection[marked_yaml.Path]) -> marked_yaml.Path:
+    """A key as a scene's file has it, whose keys are these: of a copy that of what is repeated."""
+    if len(key) > 1 and key[0] == "bodies" and key[:2] not in values:
+        return ("bodies", repeated(str(key[1])), *key[2:])
+    return key
 
 
 def scene_from_bundle(bundle: Bundle) -> Scene:

@@ -6,8 +6,8 @@ away, are gathered by the weights t_qi of the nodes i around them (a mortar with
 
     w_qi = s_q a_q t_qi/sum_q,   d_i = sum_q w_qi d_q,   n_i ~ sum_q w_qi n_q                                      (1)
 
-with s_q = 1 of points that are inside, or will be, hardly anything of those that are not near that. What they press with together is
-the sum of what each does where they go along with d_i,
+with s_q = 1 of points that are inside, or will be, hardly anything of those that are not near that. What they press
+with together is the sum of what each does where they go along with d_i,
 
     F_i = sum_q k_q max(0, -e_q - n_i . d_i),   k_q = a_q t_qi/y,   e_q = g_q - (n_i . d_i)                         (2)
 
@@ -30,10 +30,10 @@ N_INTS = 12
 """of a patch: the body with the nodes that it is around, and the other; first node of the one, first of the other, and
 the end of these; place among forces; slot of the one where it is a guest, else -1; the other, counted among guests, and
 its slot, or -1; first and end of its points in eq. (2), and how many of these are inside"""
-NORMAL, SOFT, GIVES, RUB, FORCE, HELD, YIELDS, SLIDES = 0, 3, 4, 5, 6, 9, 12, 13
-N_NUMBERS = 14
+NORMAL, SOFT, GIVES, RUB, FORCE, HELD, YIELDS, SLIDES, OFFSET = 0, 3, 4, 5, 6, 9, 12, 13, 14
+N_NUMBERS = 15
 """n (3,) from the other to the one, alpha [m/N] across it, c/h^2 [1/kg], mu, f on the one and t_0 (3,) [N], and what
-guests add to c along n and across it, see `guests` [m/N]"""
+guests add to c along n and across it, see `guests` [m/N], and what is added to all e_q, see `patches` [m]"""
 STIFF, LEVER = 0, 1
 """of a point in eq. (2), of those so near and nearer: the sums of k_q [N/m], and of k_q e_q [N]"""
 _MOST = 24

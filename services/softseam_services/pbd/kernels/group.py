@@ -14,7 +14,7 @@ from .contact import account_pairs, project_contacts
 from .damping import damping_share
 from .guests import begin_guests, end_guests, place_guests, project_patches, push_guests
 from .hold import soften_held_blocks
-from .patches import account_patches, begin_patches, keep_patches, open_patches, pull_patches
+from .patches import account_patches, begin_patches, keep_patches, open_patches, pull_patches, settle_patches
 from .pile import CAUSE, FAULT, begin_attempt, end_attempt, judge, keep_figures, substeps_and_sweeps
 from .relax import end_together, sweep_round
 from .substep import (
@@ -146,6 +146,7 @@ def _attempt(members, group, touch, eights, visits, now, books, xw, inputs, numb
     begin_patches(patches, meetings, touch.forces[now], number >= COLD)
     pull_patches(members, touch, patches, meetings)
     begin_guests(guests, which, patches, meetings, n_substeps)
+    settle_patches(patches, meetings, touch.forces[now], xw, guests)
     for body in bodies:
         one = members[body]
         carried(one.model, one.parameters, one.after, one.scratch.xw, one.scratch.pull)

@@ -33,13 +33,14 @@ from .gather import (
     GUEST_SLOT,
     HELD,
     NORMAL,
+    OFFSET,
     RUB,
     SLIDES,
     SLOT,
     SOFT,
     YIELDS,
 )
-from .patches import place_of, place_on_other, press
+from .patches import press, way_between
 
 
 @record
@@ -135,12 +136,11 @@ def project_patches(patches, meetings, xw, hh, guests, n_substeps):
             ints, row = patches.ints[r], patches.rows[r]
             nx, ny, nz = row[NORMAL], row[NORMAL + 1], row[NORMAL + 2]
             fx, fy, fz = row[FORCE], row[FORCE + 1], row[FORCE + 2]
-            dx = place_of(patches, ints, xw, guests, 0) - place_on_other(patches, ints, xw, guests, 0)
-            dy = place_of(patches, ints, xw, guests, 1) - place_on_other(patches, ints, xw, guests, 1)
-            dz = place_of(patches, ints, xw, guests, 2) - place_on_other(patches, ints, xw, guests, 2)
+            dx, dy, dz = way_between(patches, ints, xw, guests)
             soft = row[SOFT]
             old, gives = max(0.0, fx * nx + fy * ny + fz * nz), hh * row[GIVES] + row[YIELDS]
-            p = press(patches, ints, dx * nx + dy * ny + dz * nz - gives * old, gives)
+            away = dx * nx + dy * ny + dz * nz + row[OFFSET]
+            p = press(patches, ints, away - gives * old, gives)
             tx, ty, tz = 0.0, 0.0, 0.0
             if p > 0.0 and row[RUB] > 0.0:
                 began = patches.began[r]

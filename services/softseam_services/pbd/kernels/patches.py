@@ -3,6 +3,10 @@
 A patch is a row of one force f on the body with the nodes that it is around, and -f on the other, of which each is of
 the pile, and follows by nodes, or a guest. It is solved as a point of `between` is, but for its law of pressure, eq.
 (2) of `gather`, which bends.
+
+Points that go otherwise than their patch come to be inside unseen, and press as the next step begins with more than
+they have taken work for: where a step begins with more force than the last one ended with, only a share of what is new
+counts, by an offset of all points of the patch.
 """
 
 import numpy as np
@@ -23,12 +27,16 @@ from .gather import (
     LEVER,
     MIDDLE,
     NORMAL,
+    OFFSET,
     OTHER,
     PLACE,
     PRESSED,
     SLOT,
     STIFF,
 )
+
+_NEW = 0.1
+"""share of a force that was not there before which counts in a step [1]"""
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -51,6 +59,22 @@ def place_on_other(patches, ints, xw, guests, c):
     for k in range(ints[MIDDLE], ints[END]):
         found -= patches.weight[k] * xw[patches.node[k], c]
     return found
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def way_between(patches, ints, xw, guests):
+    """The way from its place on the other body to that on the one that it is around (3,) [m]."""
+    x = y = z = 0.0
+    for k in range(ints[FIRST], ints[END]):
+        w, node = patches.weight[k], patches.node[k]
+        x, y, z = x + w * xw[node, 0], y + w * xw[node, 1], z + w * xw[node, 2]
+    if ints[SLOT] >= 0:
+        at = guests.at[guests.first_slot[ints[BODY] - guests.n_own[0]] + ints[SLOT]]
+        x, y, z = x + at[0], y + at[1], z + at[2]
+    if ints[GUEST] >= 0:
+        at = guests.at[guests.first_slot[ints[GUEST]] + ints[GUEST_SLOT]]
+        x, y, z = x - at[0], y - at[1], z - at[2]
+    return x, y, z
 
 
 @njit(cache=True, error_model="numpy")
@@ -91,6 +115,25 @@ def begin_patches(patches, meetings, held, cold):
         for r in range(patches.start[meeting], patches.start[meeting + 1]):
             for c in range(3):
                 patches.rows[r, FORCE + c] = 0.0 if cold else held[patches.ints[r, PLACE], c]
+
+
+@njit(cache=True, error_model="numpy")
+def settle_patches(patches, meetings, held, xw, guests):
+    """The first substep begins at xw: with no more than what was held, and a share of what is new."""
+    for meeting in meetings:
+        for r in range(patches.start[meeting], patches.start[meeting + 1]):
+            ints, row = patches.ints[r], patches.rows[r]
+            x, y, z = way_between(patches, ints, xw, guests)
+            away, old = row[NORMAL] * x + row[NORMAL + 1] * y + row[NORMAL + 2] * z, 0.0
+            for c in range(3):
+                old += row[NORMAL + c] * held[ints[PLACE], c]
+            force, old = press(patches, ints, away, 0.0), max(0.0, old)
+            row[OFFSET] = 0.0
+            if force > old:
+                want, to = old + _NEW * (force - old), -np.inf
+                for k in range(ints[BEND], ints[LAST_BEND]):
+                    to = max(to, -(want + patches.bend[k, LEVER]) / patches.bend[k, STIFF])
+                row[OFFSET] = to - away
 
 
 @njit(cache=True, error_model="numpy")

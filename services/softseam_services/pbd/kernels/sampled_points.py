@@ -7,9 +7,9 @@ from softseam_services.jit import njit
 
 from .touch import AREA, CORNER, FADE, GAP, N_INTS, NORMAL, POINT, SHARE, SIDE
 
-NEAR, _LEAST = 0.1, 1e-9
-"""of how far is looked: so far a point is outside that counts little for where a patch presses; and how much it counts
-at least: where all are farther, as each other [1]"""
+_NEAR, _LEAST = 0.1, 1e-9
+"""of how far is looked: where surfaces are curved, so far a point is outside that counts little for where a patch
+presses; and how much it counts at least: where all are farther, as each other [1]"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -35,6 +35,7 @@ def add_for_patches(touch, meeting, side, points, them, faces, far, reach, n):
     first, last = touch.first_triangle[other], touch.first_triangle[other + 1]
     corners, rounded, out = touch.corners[first:last], touch.rounded[first:last], touch.out[theirs:]
     place, share, at = touch.place[meeting, side], np.empty(3), touch.at
+    near = _NEAR * far if touch.curved[own] or touch.curved[other] else far
     others, found = False, np.zeros(N_INTS, dtype=np.int32)
     found[SIDE] = 2 * meeting + side
     for i in range(touch.n_close[meeting, side]):
@@ -54,7 +55,7 @@ def add_for_patches(touch, meeting, side, points, them, faces, far, reach, n):
         if touch.curved[other]:
             _go_over(share, corners[face], rounded[face], out, row[NORMAL : NORMAL + 3])
         row[AREA], row[GAP] = covered * touch.area[begin + point], gap
-        row[FADE] = max(_LEAST, 1.0 - max(0.0, goes) / (NEAR * far))
+        row[FADE] = max(_LEAST, 1.0 - max(0.0, goes) / near)
         found[POINT], found[CORNER], found[CORNER + 1], found[CORNER + 2] = point, a, b, c
         for k in range(N_INTS):
             others = others or ints[k] != found[k]

@@ -24,8 +24,8 @@ SHARE, NORMAL, SOFT, GIVES, RUB = 0, 3, 6, 7, 8
 N_NUMBERS = 9
 """of a row: s (3,), n (3,), alpha [m/N], c/h^2 [1/kg], mu, see `between`"""
 AREA, GAP, FADE = 6, 7, 8
-"""of one for patches in place of the last three: what the point stands for [m^2], how far it is from the triangle as the
-step begins [m], and by how much less it counts for how far it will be [1]"""
+"""of one for patches in place of the last three: what the point stands for [m^2], how far it is from the triangle as
+the step begins [m], and how much it counts for how far it will be [1]"""
 
 LISTED, LISTED_OF_MESHES = 16, 64
 """triangles that are listed for a point at most, also where there are surfaces through cells; where more come into
