@@ -146,7 +146,7 @@ def _attempt(members, group, touch, eights, visits, now, books, xw, inputs, numb
     begin_patches(patches, meetings, touch.forces[now], number >= COLD)
     pull_patches(members, touch, patches, meetings)
     begin_guests(guests, which, patches, meetings, n_substeps)
-    settle_patches(patches, meetings, touch.forces[now], xw, guests)
+    settle_patches(touch, patches, meetings, touch.forces[now], xw, guests)
     for body in bodies:
         one = members[body]
         carried(one.model, one.parameters, one.after, one.scratch.xw, one.scratch.pull)

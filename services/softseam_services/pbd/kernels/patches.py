@@ -4,7 +4,7 @@ A patch is a row of one force f on the body with the nodes that it is around, an
 the pile, and follows by nodes, or a guest. It is solved as a point of `between` is, but for its law of pressure, eq.
 (2) of `gather`, which bends.
 
-Points that go otherwise than their patch come to be inside unseen, and press as the next step begins with more than
+Points of curved surfaces that go otherwise than their patch come to be inside unseen, and press as the next step begins with more than
 they have taken work for: where a step begins with more force than the last one ended with, only a share of what is new
 counts, by an offset of all points of the patch.
 """
@@ -118,17 +118,21 @@ def begin_patches(patches, meetings, held, cold):
 
 
 @njit(cache=True, error_model="numpy")
-def settle_patches(patches, meetings, held, xw, guests):
-    """The first substep begins at xw: with no more than what was held, and a share of what is new."""
+def settle_patches(touch, patches, meetings, held, xw, guests):
+    """The first substep begins at xw: where surfaces are curved with no more than what was held, and a share of what is
+    new."""
     for meeting in meetings:
+        curved = touch.curved[touch.sides[meeting, 0]] or touch.curved[touch.sides[meeting, 1]]
         for r in range(patches.start[meeting], patches.start[meeting + 1]):
             ints, row = patches.ints[r], patches.rows[r]
+            row[OFFSET] = 0.0
+            if not curved:
+                continue
             x, y, z = way_between(patches, ints, xw, guests)
             away, old = row[NORMAL] * x + row[NORMAL + 1] * y + row[NORMAL + 2] * z, 0.0
             for c in range(3):
                 old += row[NORMAL + c] * held[ints[PLACE], c]
             force, old = press(patches, ints, away, 0.0), max(0.0, old)
-            row[OFFSET] = 0.0
             if force > old:
                 want, to = old + _NEW * (force - old), -np.inf
                 for k in range(ints[BEND], ints[LAST_BEND]):
