@@ -14,7 +14,6 @@ from claimed_block import sibling, write_block
 from softseam.claims.claim import (
     BESIDE,
     BEYOND,
-    BEYOND_OF_STRESS,
     BEYOND_OTHERWISE,
     FINER,
     LEAST,
@@ -233,7 +232,7 @@ def test_what_a_mesh_differs_by_counts_more(tmp_path: Path) -> None:
     assert mesh.claim(0.3, 1.0, 0.0) == pytest.approx(rule(0.3, mesh.taken, BEYOND_OTHERWISE) + LEAST)
     for scale in (mesh, PLAIN):
         stress = scale.at("von_mises_p99")
-        assert stress.claim(0.3, 1.0, 0.0) == pytest.approx(rule(0.3, scale.taken, BEYOND_OF_STRESS) + LEAST_OTHERWISE)
+        assert stress.claim(0.3, 1.0, 0.0) == pytest.approx(rule(0.3, scale.taken, 1.0 / SMALL) + LEAST_OTHERWISE)
         assert stress.claim(0.3, 1.0, 0.0) > 0.3
     by_xpbd = replace(PLAIN, alike=False).at("von_mises_p99")
     assert by_xpbd.claim(0.3, 1.0, 0.0) == pytest.approx(SMALL * 0.3 + LEAST_OTHERWISE)

@@ -108,8 +108,6 @@ BEYOND = 0.2
 """b, of a run by FEM [1]"""
 BEYOND_OTHERWISE = 0.4
 """and of one by XPBD, or by both models, and of meshes [1]"""
-BEYOND_OF_STRESS = 0.5
-"""and of stress [1]"""
 OF_MOTION = 4.0
 """c [1]"""
 LEAST = 0.002
@@ -185,7 +183,7 @@ class Scale:
         if kind == "lift_height":
             return replace(self, beyond=1.0)
         if quantity(name).unit == "Pa":
-            return replace(self, beyond=BEYOND_OF_STRESS if self.alike else 1.0, least=LEAST_OTHERWISE)
+            return replace(self, beyond=1.0 / SMALL if self.alike else 1.0, least=LEAST_OTHERWISE)
         if kind not in OF_TOOLS:
             return self
         return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OTHERWISE, beside=2.0 * BESIDE)
