@@ -10,8 +10,8 @@ eq. (3), of a mean g times that, and h times what changes in a step beside a pea
 
 d_r = max(|r - r_sibling|, e d),   s of that number,   max(|r|, |J|) in place of |J|,   f at least 0.01           (5)
 
-Slip begins at the end of a step where friction is spent, a threshold that both runs may miss: s counts, b = 1, and a is
-more. A lift is less by what slips: b = 1.
+Slip begins at the end of a step where friction is spent, a threshold that both runs may miss: s counts twice, as of the
+sibling's steps, b = 1, and a is more. A lift is less by what slips: b = 1.
 
 s    where a force ends a phase or is kept, the next begins at the end of a step, whenever the force was reached: up to
      one step late in the run, up to two of these in the sibling. So much of d says nothing of cells
@@ -108,8 +108,6 @@ BEYOND = 0.2
 """b, of a run by FEM [1]"""
 BEYOND_OTHERWISE = 0.4
 """and of one by XPBD, or by both models, and of meshes [1]"""
-BEYOND_OF_STRESS = 0.5
-"""and of stress [1]"""
 OF_MOTION = 4.0
 """c [1]"""
 LEAST = 0.002
@@ -119,13 +117,13 @@ LEAST_OTHERWISE = 0.01
 FINER = LONGER / (LONGER - 1.0)
 """times d that is claimed where the sibling has the shorter cells and steps, so that d is less than the error: (2) of
 sibling.py, of first order [1]"""
-OF_CURVE = 0.5
+OF_CURVE = 0.6
 """e of eq. (5) [1]"""
 OF_MEAN = 0.8
 """g [1]"""
 BESIDE = 0.5
 """h [1]"""
-SLIDES = 0.05
+SLIDES = 0.2
 """slip over the longest edge of the run's cells from which on a body slides, and does not creep [1]"""
 NEXT_TO_NOTHING = 0.1
 """of |J|: what is read off a curve and is less is claimed relative to this, for it may be 0 at the end [1]"""
@@ -140,6 +138,7 @@ class Scale:
     alike  whether FEM alone made the run, as it makes the sibling
     taken  share of the largest energy of its bodies that the run's steps took of motion, delta of eq. (4) [1]
     timed  whether forces time the motion
+    late   times that s counts where they do [1]
     finer  whether the sibling's cells and steps are the shorter ones
     free   whether nothing holds one of its bodies but tools
     small  a of eq. (3) [1]
@@ -152,6 +151,7 @@ class Scale:
     alike: bool
     taken: float
     timed: bool = False
+    late: float = 1.0
     finer: bool = False
     free: bool = False
     small: float = SMALL
@@ -173,19 +173,19 @@ class Scale:
         beyond = BEYOND_OTHERWISE if meshes else None
         least = LEAST if alike else LEAST_OTHERWISE
         beside = (2.0 if timed else 1.0) * BESIDE
-        return cls(alike, taken, timed, finer, free, beyond=beyond, least=least, beside=beside, cell=cell)
+        return cls(alike, taken, timed, finer=finer, free=free, beyond=beyond, least=least, beside=beside, cell=cell)
 
     def at(self, name: str) -> Scale:
         """That of a quantity."""
         kind = name.rpartition(".")[2]
         if kind == "slip":
-            return replace(self, small=OF_SLIP, beyond=1.0, timed=True)
+            return replace(self, small=OF_SLIP, beyond=1.0, timed=True, late=LONGER)
         if kind == "compression":
             return self if self.timed else replace(self, beside=0.0, least=LEAST)
         if kind == "lift_height":
             return replace(self, beyond=1.0)
         if quantity(name).unit == "Pa":
-            return replace(self, beyond=BEYOND_OF_STRESS if self.alike else 1.0, least=LEAST_OTHERWISE)
+            return replace(self, beyond=1.0 / SMALL if self.alike else 1.0, least=LEAST_OTHERWISE)
         if kind not in OF_TOOLS:
             return self
         return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OTHERWISE, beside=2.0 * BESIDE)
@@ -197,7 +197,7 @@ class Scale:
 
     def claim(self, off: float, size: float, in_a_step: float) -> float:
         """Eq. (3), in the unit of d = off, |J| = size and |J(t + step) - J(t)| = in_a_step."""
-        late = in_a_step if self.timed else 0.0
+        late = self.late * in_a_step if self.timed else 0.0
         beyond = max(0.0, off - late)
         return self.factor * beyond - self._less * max(0.0, beyond - LARGE * size) + late + self.least * size
 
@@ -279,7 +279,7 @@ def _why_none(name: str, entry: Mapping[str, Any], other: Mapping[str, Any] | No
     slid = max(float(measured(each)[1].max()) for each in (entry, other))
     if name.rpartition(".")[2] == "slip" and 0.0 < slid < SLIDES * scale.cell:
         return (
-            f"creeps: what slides by less than {1e3 * SLIDES * scale.cell:.2g} mm, a twentieth of a cell, are points "
+            f"creeps: what slides by less than {1e3 * SLIDES * scale.cell:.2g} mm, a fifth of a cell, are points "
             "beside the edges of the contact, which no run on such cells shows"
         )
     return ""

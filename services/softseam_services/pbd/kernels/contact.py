@@ -17,8 +17,9 @@ g_0 = old gap/(1 + h/tau), because all at once would kick it. Where a tool cover
 (`share`), and on an embedded surface (body/contact_points.py), contact has a compliance alpha, and
 p = max(0, p_old - (g - g_0 + alpha p_old)/(c + alpha)),
 t = t_old - (s + alpha (t_old - t_0))/(c + alpha), cut off as in (1), g_0 = (old gap + alpha p_0)/(1 + h/tau),   (3)
-p_0 and t_0 being the force at the start of the substep, by which alpha goes under what is round
-(tools/kernels/patch.py), so that p = -g/alpha at rest, and t = t_0 - s/alpha however often it is solved. The forces
+p_0 and t_0 being the force at the start of the substep, so that p = -g/alpha at rest, and t = t_0 - s/alpha however
+often it is solved. Under what is round alpha goes by the p that alpha of p_0 leads to (tools/kernels/patch.py): by p_0
+what comes would be pressed too little and what goes too much, and a tool at rest would feed the body. The forces
 stay in the nodes' accelerations from one substep to the next, so at rest they are exact, the gap closes to zero and a
 sticking point does not creep. On a block every point is one node and (1) is the exact local solution.
 """
@@ -142,12 +143,14 @@ def _solve_softly(row, lane, motion, hh, newer):
         + row[lane + EIGHT * (col.HELD + 1)] * ny
         + row[lane + EIGHT * (col.HELD + 2)] * nz
     )
-    soft = _yields(row, lane, max(0.0, held))
+    soft, old_n = _yields(row, lane, max(0.0, held)), _pressed(row, lane)
     give = row[lane + EIGHT * col.GIVE]
+    per_c = 1.0 / (give + soft) if give > 0.0 else 0.0
+    away = row[lane + EIGHT * col.GAP] - row[lane + EIGHT * col.ALLOWED]
+    soft = _yields(row, lane, max(0.0, old_n - (away + soft * old_n) * per_c))
     row[lane + EIGHT * (col.GIVE + 1)] = 1.0 / (give + soft) if give > 0.0 else 0.0
     old_x, old_y = row[lane + EIGHT * col.FORCE], row[lane + EIGHT * (col.FORCE + 1)]
     old_z = row[lane + EIGHT * (col.FORCE + 2)]
-    old_n = _pressed(row, lane)
     # alpha (t_old - t_0): so much nearer is where the point sticks with what it holds; it is no slip.
     lag_x = soft * (old_x - row[lane + EIGHT * col.HELD])
     lag_y = soft * (old_y - row[lane + EIGHT * (col.HELD + 1)])
