@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial import ConvexHull
+import tet_bar
 
 import softseam
 from softseam.errors import SoftseamError
@@ -272,32 +272,19 @@ def test_a_restored_contact_goes_on_with_the_same_bits(model: str) -> None:
             np.testing.assert_array_equal(one.bodies[name].positions, other.bodies[name].positions)
 
 
-def icosahedron() -> bytes:
-    """A closed surface of twenty triangles, 4 cm across."""
-    g = (1.0 + 5.0**0.5) / 2.0
-    corners = [(a, b * g, 0.0) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
-    corners += [(0.0, a, b * g) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
-    corners += [(b * g, 0.0, a) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
-    points = 0.02 * np.array(corners) / np.hypot(1.0, g)
-    faces = []
-    for triangle in ConvexHull(points).simplices:
-        first, second, third = points[triangle]
-        outward = np.dot(np.cross(second - first, third - first), first) > 0.0
-        faces.append(triangle if outward else triangle[::-1])
-    lines = [f"v {x:.9g} {y:.9g} {z + 0.02:.9g}" for x, y, z in points]
-    return "\n".join([*lines, *("f {} {} {}".format(*(face + 1)) for face in faces)]).encode()
-
-
 def test_what_contact_cannot_do_is_refused_by_name(tmp_path: Path) -> None:
     elastic = cube(material={"young": 5e5, "poisson": 0.3, "density": DENSITY})
     for keys in ({"residual": 0.01, "sweeps": 4}, {"method": "leapfrog"}):
         with pytest.raises(SoftseamError, match=r"interfaces\.touch.*leave out"):
             softseam.open(scene(elastic, elastic, model="pbd", models={"pbd": keys}, tools={}))
-    (tmp_path / "ball.obj").write_bytes(icosahedron())
-    mesh = json.loads(scene(cube(shape={"kind": "mesh", "path": "ball.obj"})).model_dump_json(exclude_unset=True))
-    (tmp_path / "ball.yaml").write_text(json.dumps(mesh))
-    with pytest.raises(SoftseamError, match=r"interfaces\.touch.*surface of 'upper'.*take a block"):
-        softseam.open(tmp_path / "ball.yaml")
+    points, tetrahedra = tet_bar.bar((2, 2, 2), (EDGE, EDGE, EDGE))
+    (tmp_path / "bar.vtk").write_bytes(tet_bar.vtk(points, tetrahedra))
+    bar = cube(shape={"kind": "mesh", "path": "bar.vtk", "cells": "tetrahedra"}, position=[0.0, 0.0, 2.0 * EDGE])
+    del bar["cell"]
+    mesh = json.loads(scene(bar).model_dump_json(exclude_unset=True))
+    (tmp_path / "bar.yaml").write_text(json.dumps(mesh))
+    with pytest.raises(SoftseamError, match=r"interfaces\.touch.*'upper'.*tetrahedra"):
+        softseam.open(tmp_path / "bar.yaml")
 
 
 @pytest.mark.parametrize("model", ["fem on pbd", "pbd on fem"])

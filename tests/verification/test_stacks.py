@@ -1,4 +1,4 @@
-"""Bodies upon one another: a tower buckles where a column does."""
+"""Bodies upon one another: a tower buckles where a column does, and another code finds the same force."""
 
 from __future__ import annotations
 
@@ -44,3 +44,28 @@ def test_a_tower_buckles_where_a_column_does(model: str) -> None:
     """Within 5 % of the height: below it swings, above it falls."""
     assert leaning(0.95 * BUCKLES, model) < 0.006
     assert leaning(1.05 * BUCKLES, model) >= WIDTH
+
+
+PEER = 3.74
+"""force on a stiff cube that sticks to a soft one and is pressed by 4 mm [N]: tests/benchmarks/peer_two_blocks.py with
+scikit-fem 12.0.2, 3.813 on cells of 10 mm, 3.773 of 6.7 mm, and from these for cells that vanish"""
+
+
+@pytest.mark.parametrize("models", [("fem", "fem"), ("pbd", "pbd"), ("fem", "pbd"), ("pbd", "fem")], ids=" on ".join)
+def test_another_code_presses_a_stiff_cube_into_a_soft_one_with_the_same_force(models: tuple[str, str]) -> None:
+    """Within 2 %."""
+    edge, pressed = 0.04, 0.004
+
+    def cube(model: str, height: float, young: float, poisson: float, **keys: Any) -> dict[str, Any]:
+        material = {"kind": "neo_hookean", "young": young, "poisson": poisson, "density": 1000.0}
+        about = {"shape": {"kind": "block", "size": [edge] * 3}, "cell": edge / 4.0, "position": [0.0, 0.0, height]}
+        return about | {"material": material | {"retardation_time": 0.01}, "regions": {"default": model}} | keys
+
+    fixed = [{"min": [-1.0, -1.0, -1e-3], "max": [1.0, 1.0, 1e-3]}]
+    bodies = {"lower": cube(models[1], 0.0, 2e4, 0.45, fixed=fixed), "upper": cube(models[0], edge, 3e5, 0.3)}
+    data: dict[str, Any] = {"softseam": 1, "name": "pressed", "gravity": [0.0, 0.0, 0.0], "step": 0.01}
+    data |= {"bodies": bodies, "contacts": {"friction": 1.0}}
+    data["tools"] = {"press": {"kind": "plane", "point": [0.0, 0.0, 2.0 * edge], "normal": [0.0, 0.0, -1.0]}}
+    data["motion"] = [{"tools": ["press"], "move": [0.0, 0.0, -pressed], "speed": 0.02}, {"hold": 0.3}]
+    with softseam.open(Scene.model_validate(json.loads(json.dumps(data)))) as sim:
+        assert float(sim.run().report.wrench[0, 2]) == pytest.approx(PEER, rel=0.02)
