@@ -26,6 +26,7 @@ from softseam_services.body.errors import ToolError
 from softseam_services.body.interpolate import model_functions
 from softseam_services.body.sampled_faces import SampledFaces, sampled_faces
 from softseam_services.built import Built
+from softseam_services.orchestrator.crowd import role_of, with_cells
 from softseam_services.orchestrator.default_model import with_model
 from softseam_services.solvers import SOLVERS
 from softseam_services.tools.build import build_tools
@@ -63,6 +64,10 @@ def build_setup(bundle: Bundle, name: str = ONLY_BODY) -> Setup:
     KeyError where the scene has no such body."""
     whole = scene_from_bundle(bundle)
     scene, spec = whole.of(name), whole.bodies[name]
+    role = role_of(whole, name) if scene.regions.default is None else None
+    if role is not None:
+        spec = with_cells(spec, role)
+        scene = scene.model_copy(update={"body": spec})
     body = build_any_body(scene, spec, bundle.files)
     try:
         tools = build_tools(scene, body, bundle.files)
@@ -72,7 +77,7 @@ def build_setup(bundle: Bundle, name: str = ONLY_BODY) -> Setup:
         raise ToolError(f"{error}; {_whose(whole, name)}") from error
     if body.has_cells:
         check_symmetry(scene, body, tools)
-    scene, why = with_model(scene, spec, body, tools, whole.is_joined(name))
+    scene, why = with_model(scene, spec, body, tools, whole.is_joined(name), role)
     return Setup(scene, spec, body, tools, why)
 
 

@@ -9,6 +9,7 @@ from benchmarks.front_runs import Choice, Material
 from benchmarks.front_truth import COARSE, FINE, Found, Mark, Truth
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from softseam.view.paper import INK, PAPER, RULE, SOFT
 from softseam_protocol.models import MODELS
@@ -44,27 +45,47 @@ For the errors in the first columns, which no choice may exceed:
 
 CPU seconds a simulated second of the gripped cube in 4³ cells among tofu in one cell each, squeezed by 3 % (nu .4), as
 it is stiffer. XPBD takes its substeps by stiffness, whatever the step, and all that touch take those of the stiffest;
-FEM takes steps as long as the scene has them. The last column is XPBD's cheapest over FEM's, and by how much their
+FEM takes steps as long as the scene has them. The last columns are XPBD's cheapest over FEM's, and by how much their
 forces differ at 5 ms:
 
 {crossing}
 
+FEM's work hardly goes by stiffness or step: most of it is factors and iterations of steps in which fingers close or
+friction turns. At 20 ms it takes a fifth or a quarter less than at 5: of fewer steps each has more of both, and more
+exchanges with the pile.
+
+**The rule** that follows for the one that tools take, among others by XPBD in few cells: XPBD while waves pass no more
+than 1.3 of its cells in a millisecond (some 140 kPa in cells of 12.5 mm), FEM beyond. Steps do not matter to it.
+Softer than that XPBD alone, with finer cells for that one body, wins: in tofu it is first within 12 % of the force and
+10 % of stress. The others are best in one cell, which moves force and stress of the gripped one by 1 %. Finer cells for
+all buy nothing that finer cells of the gripped one do not.
+
 ## How it grows, and what sleep is worth
 
-Of the first material, in trays of other sizes:
+Of the first material, also in a tray of 125 cubes:
 
 {sizes}
+
+Here sleep is worth little while the cube is held: what presses the others changes by a hundredth of their weight, of
+soft cubes in nearly all of the tray, which wakes them; five layers of them do not rest within .6 s. Of 125 cubes of 200
+kPa ten are awake ([decision 63](../decisions/63-sleep-by-body.md)).
 
 ## What it leaves out
 
 - The reference is made of runs that are each finer in one way, for one that is finer in all is beyond an hour: it is
   FEM on {coarse}³ and {fine}³ cells, extrapolated, plus what the others' cells and shorter steps change. Its
-  uncertainty is the root of the sum of squares of all three changes. Errors below it cannot be told.
+  uncertainty is the root of the sum of squares of all three changes. Errors below it cannot be told. Stress converges
+  slowly where fingers that stick end: its errors are 7 to 10 % of the peak in all cells but the finest.
 - {all_fem}
-- What the gripped cube's force owes to friction depends on its path: it is the largest part of what steps change.
+- FEM's 6³ is in the reference itself: its error says how far the extrapolation went.
+- FEM 2³ at 20 ms among tofu: in the third step, as cubes meet, guest and pile do not agree within 16 exchanges, and the
+  cube lies elsewhere from then on. FEM 4³ at 10 ms takes four times as long as at 5 or at 20, again when it is
+  repeated, in its own solves and not for more exchanges; FEM in 5³ and more costs six times what 4³ does. Why was not
+  looked into.
+- At 5 MPa FEM takes 13 s at 5 ms; of steps of 20 ms the run was given up after six minutes, and XPBD was not tried.
 - One-cell cubes meet a cube of XPBD in finer cells by their nodes
   ([decision 64](../decisions/64-guests-of-a-pile.md)): it loses some of its stress beside the contact, on the tray.
-- Other simulators: not yet; none was at hand with the same scene.
+- Other simulators are not there yet, nor trays that are shaken, nor other ratios of Poisson than these two.
 """
 SECTION = """## {label}
 
@@ -74,7 +95,7 @@ The reference is known to {force:.1%} (force, {newtons} N) and {stress:.1%} (str
 |---|---|---|---|---|---|
 {rows}
 """
-BOUNDS = (0.10, 0.10), (0.05, 0.05), (0.03, 0.03), (0.02, 0.02)
+BOUNDS = (0.15, 0.15), (0.12, 0.10), (0.10, 0.10), (0.08, 0.08), (0.05, 0.05)
 """errors of force and stress for which the cheapest is looked for [1]"""
 
 
@@ -158,14 +179,14 @@ def _wins(material: Material, marks: Sequence[Mark]) -> str:
     for force, stress in BOUNDS:
         best = _best(marks, force, stress)
         if best is None:
-            said.append(f"none is within {100 * force:g} %")
+            said.append(f"none is within {100 * force:g} and {100 * stress:g} %")
             continue
         model = MODELS[best.choice.model].label
         others = [mark for mark in marks if mark.choice.model != best.choice.model]
         second = _best(others, force, stress)
-        beside = "the other model is not" if second is None else f"x{second.found.seconds / best.found.seconds:.2g}"
-        said.append(f"within {100 * force:g} % {model} ({beside})")
-    return f"- **{material.label}**: cheapest are, and how many times the other model costs: {'; '.join(said)}."
+        beside = "the other is not" if second is None else f"{second.found.seconds / best.found.seconds:.2g}"
+        said.append(f"within {100 * force:g} and {100 * stress:g} % {model} ({beside})")
+    return f"- **{material.label}**, and how many times as much the other model costs: {'; '.join(said)}."
 
 
 def _crossing(runs: Runs) -> str:
@@ -242,9 +263,16 @@ def _draw_one(ax: Axes, marks: Sequence[Mark], name: str, known: float) -> None:
         at = mark.found.seconds, 100 * getattr(mark, name)
         face = color if mark.choice.sleep else PAPER
         ax.plot(*at, shape, color=color, markerfacecolor=face, markersize=7, zorder=2)
+        if not mark.choice.sleep and mark.choice.cells != 6:
+            continue
         text = f"{mark.choice.cells}³" if mark.choice.cells > 1 else "1"
         text += "" if mark.choice.step == 0.005 else f" {1e3 * mark.choice.step:g} ms"
         ax.annotate(text, at, textcoords="offset points", xytext=(6, 4), fontsize=8, color=color)
+    plain = FuncFormatter(lambda value, _: f"{value:g}")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter(plain)
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_minor_locator(NullLocator())
     ax.axhline(100 * known, color=SOFT, lw=0.8, ls="--", zorder=0)
     ax.annotate("known to", (ax.get_xlim()[1], 100 * known), ha="right", va="bottom", fontsize=8, color=SOFT)
     handles = [

@@ -26,9 +26,11 @@ CLOSES = 2
 """that in which fingers close"""
 _MOTION = (
     "motion=[{{hold: 0.56}}, {{tools: [left, right], move: [0, 0, -0.004], speed: 0.1}}, "
-    "{{tools: [left, right], close: 0.05, until: {{compression: {squeeze}}}}}, {{hold: 0.1}}, "
+    "{{tools: [left, right], close: 0.05, until: {{{until}}}}}, {{hold: 0.1}}, "
     "{{tools: [left, right], move: [0, 0, 0.02], speed: 0.2}}, {{hold: 0.1}}]"
 )
+_ROOM = 0.004
+"""between a finger and the cube, at first [m]"""
 _FINGER, _ABOVE = 0.06, 0.0005
 """height of the fingers, and how far above the cube's base they begin [m]; they end above its top. As the tray has
 sagged they go down beside it, and cover its faces but for the lowest 3 mm: no other edge of theirs presses into one"""
@@ -46,6 +48,14 @@ class Material:
     poisson: float
     squeeze: float
     """compression [1]"""
+
+    @property
+    def until(self) -> str:
+        """When fingers have closed. Stiff cubes, squeezed by little, lie askew on the soft ones by some tenths of a
+        degree, by which the width that is compressed would be another in each run: there the fingers' way counts."""
+        if self.squeeze > 0.1:
+            return f"compression: {self.squeeze}"
+        return f"time: {(_ROOM + 0.5 * EDGE * self.squeeze) / 0.05!r}"
 
 
 TOFU = Material("tofu, 20 kPa", 2e4, 0.45, 0.15)
@@ -98,7 +108,7 @@ def scene_of(choice: Choice) -> Scene:
             for name, x in (("left", -0.037), ("right", 0.037))
         ),
         f"step={choice.step!r}",
-        _MOTION.format(squeeze=of.squeeze),
+        _MOTION.format(until=of.until),
     ]
     return tray(choice.side, *settings, *(["sleep=calm"] if choice.sleep else []))
 

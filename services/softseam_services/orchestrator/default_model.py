@@ -19,6 +19,7 @@ from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.cost import step_cost
+from softseam_services.orchestrator.crowd import Role
 from softseam_services.orchestrator.cuts import cut
 from softseam_services.solvers import SOLVERS
 from softseam_services.tools.tool_set import ToolSet
@@ -27,6 +28,8 @@ WORTH = 20.0
 """FEM on all cells is worth so many times what XPBD costs [1]"""
 LARGEST = 100_000
 """unknowns of the largest body that FEM has without being asked to: its factor takes 1.5 GB [1]"""
+PASSED = 1.3
+"""cells that waves pass in a millisecond, up to which a body that tools take among others is XPBD's [1]"""
 REACH = 0.5
 """cells of larger bodies that are closer than this to a tool that moves are FEM's [cell edges]"""
 _NONE = "the scene names no model"
@@ -35,11 +38,12 @@ _ANY = ("cells", "particles")
 
 
 def with_model(
-    scene: Scene, spec: AnyBodySpec, body: AnyBody, tools: ToolSet, joined: bool = False
+    scene: Scene, spec: AnyBodySpec, body: AnyBody, tools: ToolSet, joined: bool = False, role: Role | None = None
 ) -> tuple[Scene, str]:
     """The scene of one body with regions that name a model, and why; '' where nothing was to be decided.
 
     joined  interfaces may join it to other bodies, so that it has to be whole
+    role    in a crowd, if it is in one
     """
     if scene.regions.default is not None:
         return scene, ""
@@ -56,6 +60,8 @@ def with_model(
     fem, pbd = _given(scene, one), _given(scene, other)
     if not fits(fem, _ANY):
         return pbd, f"{_NONE}, and {one} cannot do what it sets"
+    if role is not None and fits(pbd, _ANY):
+        return _in_crowd(fem, pbd, body, role)
     share, unknowns = _cost_of_fem(scene, body, tools), 3 * int(np.count_nonzero(~body.fixed))
     if (share <= WORTH and unknowns <= LARGEST) or not fits(pbd, _ANY):
         said = f"{_NONE}, and {one} costs some {share:.2g} times what {other} does"
@@ -66,6 +72,21 @@ def with_model(
     if tools.followed.any() and not joined and fits(near, _ANY):
         return near, f"{why}: it gets those within {1e3 * within:g} mm of tools that move"
     return pbd, f"{why} (regions.default: {one} for that)"
+
+
+def _in_crowd(fem: Scene, pbd: Scene, body: Body, role: Role) -> tuple[Scene, str]:
+    """Of a body among many that touch, which XPBD solves together, at substeps of the stiffest; these go by how many
+    cells waves pass, whatever the step, and FEM's work hardly by either."""
+    if not role.taken:
+        return pbd, f"{_NONE}, and {role.by}: others are {FAR_DEFAULT}, in few cells"
+    passed = 1e-3 * body.wave_speed / float(body.edges.min())
+    said = f"{_NONE}, {role.by}, and waves pass {passed:.2g} of its cells in a millisecond"
+    if passed > PASSED:
+        return (
+            fem,
+            f"{said}: beyond {PASSED:g} {NEAR_DEFAULT} is cheaper than {FAR_DEFAULT}'s substeps of all that touch",
+        )
+    return pbd, f"{said}: up to {PASSED:g} {FAR_DEFAULT} is cheaper"
 
 
 def _given(scene: Scene, kind: ModelKind, near: NearSpec | None = None) -> Scene:
