@@ -1,7 +1,8 @@
 """Bodies that have come to be where others are: because nothing keeps them apart, or through their contact.
 
 Boxes around bodies are enough for that: of two solid ones that are apart neither has its middle in the other's box, but
-for a small one in the corner of a large one's box. Of those that touch, which may be pressed out of shape, both have.
+for a small one in the corner of a large one's box. Of those that touch, which may be pressed out of shape, both have;
+of meshes that touch nothing is said, for they lie against one another as boxes cannot.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.scene.bodies import block_of
 from softseam_protocol.scene.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -29,7 +31,8 @@ class Overlaps:
         self._touch = np.zeros((b, b), dtype=np.bool_)
         for each in scene.interfaces.values():
             one, other = sorted(place[name] for name in each.between)
-            self._free[one, other], self._touch[one, other] = False, each.kind == "contact"
+            blocks = all(block_of(scene.bodies[name]) is not None for name in each.between)
+            self._free[one, other], self._touch[one, other] = False, each.kind == "contact" and blocks
         self.forget()
 
     def forget(self) -> None:

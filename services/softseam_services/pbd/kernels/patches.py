@@ -4,9 +4,9 @@ A patch is a row of one force f on the body with the nodes that it is around, an
 the pile, and follows by nodes, or a guest. It is solved as a point of `between` is, but for its law of pressure, eq.
 (2) of `gather`, which bends.
 
-Points of curved surfaces that go otherwise than their patch come to be inside unseen, and press as the next step begins with more than
-they have taken work for: where a step begins with more force than the last one ended with, only a share of what is new
-counts, by an offset of all points of the patch.
+Points of curved surfaces that go otherwise than their patch come to be inside unseen, and press as the next step begins
+with more than they have taken work for: where a step begins with more force than the last one ended with, only a share
+of what is new counts, by an offset of all points of the patch.
 """
 
 import numpy as np
