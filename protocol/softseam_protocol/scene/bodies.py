@@ -125,8 +125,8 @@ class BodySpec(OwnRegions):
         default=None,
         description="cell edge, or edges along x, y, z [m], of a mesh that its file has turned along its own axes "
         "next to these; default: a third of a block's least extent, longer where that were thousands of cells, of a "
-        "mesh by its walls; less where round tools, or tools from files, are narrow; of blocks among three or more that "
-        "touch, in a scene that names no model, a quarter of the one's that tools take, half of the others'",
+        "mesh by its walls; less where round tools, or tools from files, are narrow; of blocks among three or more "
+        "that touch, in a scene that names no model, a quarter of the one's that tools take, half of the others'",
     )
     material: AnyMaterial
     inclusions: tuple[InclusionSpec, ...] = Field(
