@@ -216,7 +216,7 @@ def _sizes(first: Runs, others: Runs) -> str:
     ]
     for label, own in known.items():
         cells = [
-            "" if (found := own.get(side)) is None else found.stopped or f"{found.seconds:.3g} ({found.awake:.0f})"
+            "" if (run := own.get(side)) is None else run.stopped or f"{run.seconds:.3g} ({run.awake:.0f})"
             for side in sides
         ]
         lines.append(f"| {label} | {' | '.join(cells)} |")
