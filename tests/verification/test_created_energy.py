@@ -62,7 +62,7 @@ def pushed_along(model: str, share: float, monkeypatch: pytest.MonkeyPatch) -> I
         if request.header.step not in seen:
             seen.add(request.header.step)
             self.commit()
-            self._committed.v[:] *= 1.0 + share
+            self.committed.v[:] *= 1.0 + share
         return advance(self, request)
 
     with monkeypatch.context() as patch:

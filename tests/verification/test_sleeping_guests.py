@@ -35,12 +35,13 @@ def grips() -> list[list[Observation]]:
 
 
 def test_bystanders_sleep_while_a_guest_is_gripped(grips: list[list[Observation]]) -> None:
-    """All sleep before; then some at the ends do in each step, the lifted one never, and once off it alone is awake."""
+    """All sleep before; then some at the ends do in each step, the lifted one never. As it is held at last, those
+    beside it at most are awake with it, and in the end none."""
     counts = [awake(one.report) for one in grips[0]]
     assert not counts[95]
     moved = counts[100:170]
     assert all("cube120" in names and len(names) < 12 for names in moved)
-    assert {"cube120"} in counts[170:]
+    assert all(names <= {"cube110", "cube120", "cube130"} for names in counts[170:]) and not counts[-1]
     assert grips[0][-1].bodies["cube120"].positions[:, 2].min() > 0.025
 
 
