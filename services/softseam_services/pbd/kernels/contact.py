@@ -135,8 +135,8 @@ def _yields(row, lane, pressure):
 
 
 @lane_kernel
-def _solve_softly(row, lane, motion, hh, newer):
-    """Eq. (3) for one pair at its GAP; where SOFT is 0, eq. (1)."""
+def _solve_softly(row, lane, motion, hh, newer, lags):
+    """Eq. (3) for one pair at its GAP; where SOFT is 0, eq. (1). lags: whether its LAG may be other than 0."""
     nx, ny, nz = row[lane + EIGHT * (col.GAP + 1)], row[lane + EIGHT * (col.GAP + 2)], row[lane + EIGHT * (col.GAP + 3)]
     held = (
         row[lane + EIGHT * col.HELD] * nx
@@ -146,9 +146,11 @@ def _solve_softly(row, lane, motion, hh, newer):
     soft, old_n = _yields(row, lane, max(0.0, held)), _pressed(row, lane)
     give = row[lane + EIGHT * col.GIVE]
     per_c = 1.0 / (give + soft) if give > 0.0 else 0.0
-    away = row[lane + EIGHT * col.GAP] - row[lane + EIGHT * col.ALLOWED]
-    soft = _yields(row, lane, max(0.0, old_n - (away + soft * old_n) * per_c))
-    row[lane + EIGHT * (col.GIVE + 1)] = 1.0 / (give + soft) if give > 0.0 else 0.0
+    if lags:
+        away = row[lane + EIGHT * col.GAP] - row[lane + EIGHT * col.ALLOWED]
+        soft = _yields(row, lane, max(0.0, old_n - (away + soft * old_n) * per_c))
+        per_c = 1.0 / (give + soft) if give > 0.0 else 0.0
+    row[lane + EIGHT * (col.GIVE + 1)] = per_c
     old_x, old_y = row[lane + EIGHT * col.FORCE], row[lane + EIGHT * (col.FORCE + 1)]
     old_z = row[lane + EIGHT * (col.FORCE + 2)]
     # alpha (t_old - t_0): so much nearer is where the point sticks with what it holds; it is no slip.
@@ -185,8 +187,15 @@ def _is_open(row):
 @batch_kernel
 def solve_softly(row, motion, hh, newer):
     """The eight pairs of a group at their GAP, with compliance: eq. (3)."""
+    lag = 0.0
     for lane in range(EIGHT):
-        _solve_softly(row, lane, motion, hh, newer)
+        lag = max(lag, row[lane + EIGHT * col.LAG])
+    if lag > 0.0:
+        for lane in range(EIGHT):
+            _solve_softly(row, lane, motion, hh, newer, True)
+    else:
+        for lane in range(EIGHT):
+            _solve_softly(row, lane, motion, hh, newer, False)
 
 
 @njit(cache=True, error_model="numpy")
