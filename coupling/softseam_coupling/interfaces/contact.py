@@ -29,7 +29,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, eye_array
 
 from softseam_coupling.interfaces.kind import Ids, Meeting, Pair, Rows, Surface
 from softseam_coupling.kernels.nearest_face import nearest_faces, point_normals
@@ -96,15 +96,14 @@ class Contact:
             return _no_rows(x)
         theirs, clamped = other.within(face, foot)
         ways = sampled.places(x[self._fine])[close] - theirs @ x[1 - self._fine] - clamped
-        gathered = area[:, None] * (_alone(sampled, close) if sampled.through_cells else _shares(other, face, foot))
-        total = np.asarray(gathered.sum(axis=0))
-        normal = gathered.T @ facing
-        length = np.linalg.norm(normal, axis=1)
-        self._ids = np.flatnonzero((total > 0.0) & (length > 0.0))
-        total, sign = total[self._ids], 1.0 if self._fine == 0 else -1.0
-        weights = csr_array((gathered[:, self._ids] / total).T)
-        gap, normal = sign * (weights @ ways), sign * normal[self._ids] / length[self._ids, None]
-        of_fine, of_other = (weights @ csr_array(sampled.weights)[close]).toarray(), (weights @ theirs).toarray()
+        sign = 1.0 if self._fine == 0 else -1.0
+        self._ids, total, weights, facing = (
+            (close, area, csr_array(eye_array(len(close))), facing)
+            if sampled.through_cells
+            else _gather(area[:, None] * _shares(other, face, foot), facing)
+        )
+        gap, normal = sign * (weights @ ways), sign * facing
+        of_fine, of_other = (weights @ sampled.weights[close]).toarray(), (weights @ theirs).toarray()
         pair = (of_fine, of_other) if self._fine == 0 else (of_other, of_fine)
         compliance = self._yield / total
         offset = _across(gap + compliance[:, None] * self._force[self._ids], normal)
@@ -128,7 +127,7 @@ class Contact:
                 *(face, share, beside, normal),
             )
         covered = 1.0 - beside / self._reach
-        met = np.flatnonzero((face >= 0) & (covered > 0.0))
+        met = np.flatnonzero((face >= 0) & (covered * sampled.area[close] > 0.0))
         close, face, normal = close[met], face[met], normal[met]
         foot = _feet(points[close], faces[other.triangles[face]])
         if len(close) and other.rounded.any():
@@ -203,11 +202,12 @@ def _shares(surface: Surface, face: Ids, foot: Floats) -> Floats:
     return found
 
 
-def _alone(surface: Surface, points: Ids) -> Floats:
-    """As `_shares`, of points that are patches each (n, p)."""
-    found = np.zeros((len(points), len(surface.area)))
-    found[np.arange(len(points)), points] = 1.0
-    return found
+def _gather(shares: Floats, facing: Floats) -> tuple[Ids, Floats, csr_array, Floats]:
+    """Eq. (1) of areas a_q t_qi (n, patches) and normals (n, 3): which patches there are, A_i, w_iq and n_i of them."""
+    total, normal = np.asarray(shares.sum(axis=0)), shares.T @ facing
+    length = np.linalg.norm(normal, axis=1)
+    ids = np.flatnonzero((total > 0.0) & (length > 0.0))
+    return ids, total[ids], csr_array((shares[:, ids] / total[ids]).T), normal[ids] / length[ids, None]
 
 
 def _across(vectors: Floats, normal: Floats) -> Floats:

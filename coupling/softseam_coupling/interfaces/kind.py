@@ -15,27 +15,9 @@ Mask = NDArray[np.bool_]
 Pair = tuple[Floats, Floats]
 """of the nodes of the first body and of the second (n_a, 3), (n_b, 3)"""
 
-__all__ = ["Faces", "Kind", "Meeting", "Rows", "Surface"]
+__all__ = ["Kind", "Meeting", "Rows", "Surface"]
 
 _NONE, _NO_ROWS = np.zeros(0), np.zeros((0, 3))
-
-
-@dataclass(frozen=True)
-class Faces:
-    """A closed surface whose p points are nodes of a body, t triangles between them."""
-
-    nodes: Ints
-    """node of each point (p,)"""
-    triangles: Ints
-    """points, counter-clockwise from outside (t, 3)"""
-    area: Floats
-    """that each point stands for (p,) [m^2]"""
-    spacing: float
-    """of the points [m]"""
-    yields: float
-    """how far it sinks in under a pressure [m/Pa]"""
-    places: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-    """of the points at rest (p, 3) [m]"""
 
 
 class Surface(Protocol):

@@ -1,11 +1,30 @@
-"""The surface of a body as other bodies touch it."""
+"""The surface of a body by its nodes, as bodies of a pile in like cells touch it."""
+
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from softseam_coupling.interfaces import Faces
-from softseam_services.body.body import Body
+from softseam_services.body.body import Body, Floats, Ints
 from softseam_services.body.outer_faces import is_covered_by_faces
 from softseam_services.tools.kernels import DENSE
+
+
+@dataclass(frozen=True)
+class Faces:
+    """A closed surface whose p points are nodes of a body, t triangles between them."""
+
+    nodes: Ints
+    """node of each point (p,)"""
+    triangles: Ints
+    """points, counter-clockwise from outside (t, 3)"""
+    area: Floats
+    """that each point stands for (p,) [m^2]"""
+    spacing: float
+    """of the points [m]"""
+    yields: float
+    """how far it sinks in under a pressure [m/Pa]"""
+    places: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    """of the points at rest (p, 3) [m]"""
 
 
 def faces_of(body: Body) -> Faces | None:

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_coupling.interfaces import Faces
 from softseam_coupling.kernels.nearest_face import N_OF_FACE
 from softseam_protocol.messages.pile import Meetings
 from softseam_services.body.body import Floats, Ints
+from softseam_services.body.contact_faces import Faces
 from softseam_services.body.sampled_faces import SampledFaces
 from softseam_services.jit import Rows
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from softseam_coupling.interfaces import Faces
 from softseam_protocol.messages.pile import Guest, Push
 from softseam_services.body.body import Floats, Ints
+from softseam_services.body.contact_faces import Faces
 from softseam_services.body.sampled_faces import SampledFaces
 
 from .kernels.gather import BODY, GUEST, GUEST_SLOT, N_INTS, N_NUMBERS, PLACE, SLOT, Patches, gather_patches

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softseam_coupling.interfaces import Faces
 from softseam_protocol.scene.interfaces import written_key
 from softseam_services.body.body import Floats, Ints
-from softseam_services.body.contact_faces import faces_of
+from softseam_services.body.contact_faces import Faces, faces_of
 from softseam_services.body.errors import SettingError
 from softseam_services.body.sampled_faces import SampledFaces, sampled_faces
 
