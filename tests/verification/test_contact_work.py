@@ -268,16 +268,19 @@ def test_a_block_of_xpbd_that_falls_on_a_ball_gains_nothing(speed: float, step: 
         assert fall.energy.max() < fall.energy[0] + 1e-3 * fall.moved
 
 
-@pytest.mark.parametrize("substeps", ["auto", 8])
-def test_an_edge_that_feeds_a_body_of_xpbd_is_told_with_what_helps(substeps: int | str) -> None:
-    """It was told to shorten the step, which leaves substeps as long as they are: half of it made twice the energy.
-    Eight substeps, of .06 ms, make none."""
-    turn = np.array([0.6, 0.45, 0.2])
-    below = float(np.abs(Rotation.from_rotvec(turn).as_matrix()[2]) @ np.array([0.03, 0.06, 0.02]) / 2.0)
-    edge = {"kind": "box", "size": (0.03, 0.06, 0.02), "rotation": tuple(turn)}
-    fall = fallen(edge, below + 0.0005, 0.05, 5e-4, substeps)
-    if substeps == "auto":
-        (told,) = fall.told
-        assert "take more models.pbd.substeps" in told and "shorten the step" not in told
-    else:
-        assert not fall.told and fall.energy.max() < fall.energy[0] + 1e-6
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("kind", ["box", "cylinder"])
+def test_a_block_of_xpbd_that_falls_on_an_edge_is_fed_nothing(kind: str, seed: int) -> None:
+    """However the tool is turned. It did work in 7 drops of 10, up to as much as had ever moved: patches that went
+    farther than .002 of the tool's reach in a substep were pressed as a point, along another normal."""
+    chance = np.random.default_rng(seed)
+    turn, speed = Rotation.from_rotvec(chance.normal(size=3)), float(chance.choice([0.05, 0.6, 1.5]))
+    below = float(np.abs(turn.as_matrix()[2]) @ np.array([0.03, 0.06, 0.02]) / 2.0)
+    tool: dict[str, Any] = {"kind": "box", "size": (0.03, 0.06, 0.02), "rotation": tuple(turn.as_rotvec())}
+    if kind == "cylinder":
+        along = abs(float(turn.as_matrix()[2, 2]))
+        below = 0.009 * float(np.sqrt(1.0 - along**2)) + 0.015 * along
+        tool = {"kind": "cylinder", "radius": 0.009, "length": 0.03, "axis": tuple(turn.as_matrix()[:, 2])}
+    fall = fallen({**tool, "friction": 0.0}, below + 0.0005, speed, float(chance.choice([5e-4, 2e-3, 5e-3])))
+    assert fall.work < 1e-3 * fall.moved
+    assert fall.energy.max() < fall.energy[0] + 1e-3 * fall.moved

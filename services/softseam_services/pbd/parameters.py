@@ -25,6 +25,8 @@ from .points import find_points
 from .records import ParameterArrays
 from .stability import EXPLICIT, EXPLICIT_LIMIT, KAPPA, SHOWN, STABLE, TOUCHED, TWO_SWEEPS, shorter_by
 
+SHORT = 0.25
+"""of the thickness of walls: who goes no farther in a substep has not passed one [1]"""
 MARGIN = 0.1
 """points within this many block edges of a tool, and what speeds add to it, are tried for contact"""
 
@@ -136,6 +138,7 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         shape=felt.shape,
         reach=felt.reach,
         places=felt.places,
+        short=SHORT * felt.wall,
         friction=felt.friction,
         followed=felt.followed,
         margin=MARGIN * float(blocks.edges.min()),

@@ -162,6 +162,8 @@ class ParameterArrays(NamedTuple):
     shape: Floats
     reach: Floats
     places: NDArray[np.int64]
+    short: Floats
+    """how far a point may go in a substep and have passed no wall, of tools with edges (t,) [m]"""
     friction: Floats
     followed: NDArray[np.bool_]
     margin: float

@@ -224,7 +224,8 @@ def project_contacts(model, parameters, contacts, xw, hh, squeezed):
         tool_kind, tool_shape = kind[tool], shape[tool]
         place, turn = three(position, tool), four(orientation, tool)
         places = parameters.places[tool]
-        forth, slow = twelve(motion, 0, tool), SLOW * parameters.reach[tool]
+        forth = twelve(motion, 0, tool)
+        slow = parameters.short[tool] if places > 0 else SLOW * parameters.reach[tool]
         newer = lends if tool_kind == PLANE else alone
         reached = steepness(tool_kind) * (way + contacts.travel[tool])
         for group in range(start[tool], start[tool + 1]):

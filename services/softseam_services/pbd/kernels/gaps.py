@@ -10,7 +10,7 @@ from softseam_services.tools.kernels import box_gap, patch_press, rotate, rotate
 
 from .faced import faced_gap, faces
 from .lanes import batch_kernel
-from .pairs import BEFORE, CHANGE, EIGHT, GAP, GRADE, LEAN, NEXT, PATCH, POINT, SLIPPED
+from .pairs import BEFORE, CHANGE, EIGHT, GAP, GRADE, LEAN, NEXT, PATCH, POINT, SAG, SLIPPED
 
 JUST = 1e-12
 """gap of a patch that no tool reaches, though its middle is inside one [m]"""
@@ -120,7 +120,10 @@ def _press_faces(row, places, parted):
 
 @njit(cache=True, error_model="numpy")
 def find_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow):
-    """GAP of a group's points to a tool of any kind."""
+    """GAP of a group's points to a tool of any kind, `slow` [m] being how far one goes that is not followed on its way.
+
+    For a patch under a tool with edges it is that of the tangent of what presses its places, minus F over its slope: so
+    its force is one that grows in proportion, and goes by where the patch is now."""
     others = -1
     if kind == BOX and places > 0:
         others, parted = _face_patches(row, shape[0], shape[1], shape[2], shape[3], place, turn, motion, slow * slow)
@@ -139,7 +142,9 @@ def find_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow):
                 row[lane + EIGHT] - s * u[1] - t * v[1],
                 row[lane + 2 * EIGHT] - s * u[2] - t * v[2],
             )
-            depth, grade, mx, my, mz, s, t = patch_press(kind, shape, place, turn, middle, u, v, 0.0, places)[:7]
+            depth, grade, mx, my, mz, s, t = patch_press(
+                kind, shape, place, turn, middle, u, v, row[lane + EIGHT * SAG], places
+            )[:7]
             gap = max(gap, JUST)
             if depth > 0.0:
                 row[lane + EIGHT * GRADE] = grade

@@ -24,6 +24,7 @@ SOFT        1  compliance of contact where many points share a block, else 0 [m/
 HELD        3  FORCE at the start of the substep, in groups with such points [N]
 STEADY      2  pressure with a memory, by which friction is bounded, and how far friction went beyond the pressure [N]
 GRADE       1  slope of eq. (2) of tools/kernels/patch.py, 1 where that is not looked at
+SAG         1  s of eq. (1) there, of a point on a patch under a tool with edges, whose LAG is 0 [m]
 PATCH       6  edges of the point's patch under a tool with edges as the substep begins, else 0 [m]
 LEAN        2  where on it the force acts in this substep, in its edges from the middle [1]
 NEXT        2  where the tool presses it, which LEAN follows
@@ -38,7 +39,7 @@ start[t] .. start[t + 1] belong to tool t.
 import numpy as np
 
 from softseam_services.jit import njit
-from softseam_services.tools.kernels import patch_press, patch_yields, steepness, tool_gap, tool_travel
+from softseam_services.tools.kernels import DENSE, LIGHT, patch_press, patch_yields, steepness, tool_gap, tool_travel
 
 from .lanes import LANES, four, three, transpose_four
 
@@ -46,10 +47,10 @@ EIGHT = 2 * LANES
 """lanes of a group: with four the compiler would write the short loops out, number by number"""
 
 X, W, BEFORE, FORCE, ALLOWED, FRICTION, GIVE, SLIPPED, SLIP_SINCE, MEAN, MOMENT = 0, 3, 4, 8, 11, 12, 13, 15, 18, 21, 24
-WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, LAG, GRADE, PATCH, LEAN, NEXT = (
-    27, 28, 29, 33, 36, 37, 38, 41, 43, 46, 47, 48, 54, 56,
+WORK, DEPTH, GAP, CHANGE, HOLD, SOFT, HELD, STEADY, FACED, LAG, GRADE, PATCH, LEAN, NEXT, SAG = (
+    27, 28, 29, 33, 36, 37, 38, 41, 43, 46, 47, 48, 54, 56, 58,
 )  # fmt: skip
-N_COLUMNS = 58
+N_COLUMNS = 59
 WIDTH = N_COLUMNS * EIGHT
 POINT, NODE, DIRECT, DEEP, EDGED = 0, 8, 16, 17, 18
 N_ROWS = 19
@@ -152,8 +153,9 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
             gap -= NEAR * parameters.margin
             if gap < margin:
                 patch = contacts.patch[point]
+                sag = lags[point, tool] / (1.0 - LIGHT / DENSE) if contacts.slow[tool] else 0.0
                 depth, grade, nx, ny, nz, s, t = patch_press(
-                    *(kind, shape, place, turn, x, patch[0], patch[1], 0.0, places)
+                    *(kind, shape, place, turn, x, patch[0], patch[1], sag, places)
                 )[:7]
                 if not carried:
                     lean[point, tool, 0], lean[point, tool, 1] = s, t
@@ -163,7 +165,8 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
             continue
         due = max(0.0, fx * nx + fy * ny + fz * nz)
         lag = lags[point, tool] if contacts.slow[tool] else 0.0
-        due *= patch_yields(softness[point], lag, due / grade) / grade
+        in_parts = parameters.places[tool] > 0 and point >= model.n_surface
+        due *= patch_yields(softness[point], 0.0 if in_parts else lag, due / grade) / grade
         held = carried or state.steady[point, tool, 0] != 0.0 or state.steady[point, tool, 1] != 0.0
         rank = 0.0 if held or gap <= 0.0 else 1.0 if gap < contacts.ahead[tool] else 2.0
         found[point, 0], found[point, 1], found[point, 2], found[point, 3] = gap, -gap - due, rank, lag
@@ -203,6 +206,8 @@ def _add_pair(model, parameters, state, contacts, tool, point, hh, first_open, n
         row[EIGHT * SOFT + lane], row[EIGHT * LAG + lane] = yields, contacts.found[point, 3]
     row[EIGHT * GRADE + lane] = 1.0
     if parameters.places[tool] > 0 and point >= model.n_surface:
+        row[EIGHT * SAG + lane] = row[EIGHT * LAG + lane] / (1.0 - LIGHT / DENSE)
+        row[EIGHT * LAG + lane] = 0.0
         for c in range(3):
             row[EIGHT * (PATCH + c) + lane] = contacts.patch[point, 0, c]
             row[EIGHT * (PATCH + 3 + c) + lane] = contacts.patch[point, 1, c]
