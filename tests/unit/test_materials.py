@@ -87,7 +87,7 @@ EVERY = [*DEFORMATIONS, *INVERTED]
 
 def test_every_kind_of_the_scene_has_a_row() -> None:
     assert list(MATERIALS) == list(LAWS)
-    assert {law.number for law in LAWS.values()} == point.BRANCHES
+    assert {law.number for law in LAWS.values()} >= point.BRANCHES
 
 
 @pytest.mark.kernels
