@@ -31,9 +31,8 @@ h    the true peak is between two steps, but for compression: tools stop within 
      is one step's all for whatever these move, compression, too: a force is reached within one, and passed at its end
 f    two curves that cross, or that an edge within a cell bends alike, differ by less than either errs; forces of tools
      most often, whose edges lie anywhere within cells of both, stress, runs by XPBD, whose model's error may be the
-     sibling's of its cells, and single numbers, but for a compression that tools prescribe. A tool that is a mesh is
-     felt as if it were as round as it is wide, by the run and by its sibling: a blunt cone is felt up to a seventh too
-     firmly while the radius that it touches is below a cell, and on cells twice as long by nearly as much
+     sibling's of its cells, and single numbers, but for a compression that tools prescribe. Meshes that press are felt
+     as round as they are wide: a blunt cone up to a seventh too firmly, on cells twice as long by nearly as much
 
 Nothing is claimed of slip while a body only creeps: points beside the edges of a contact slide by a hundredth of a
 cell, which neither these cells nor longer ones show. And what would be claimed to be off by more than it is, is *not
