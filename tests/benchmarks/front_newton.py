@@ -60,7 +60,7 @@ class Cubes:
                 density=1.0,
                 k_mu=self.law[0],
                 k_lambda=self.law[1],
-                k_damp=tray.material["damping"] * self.law[0],
+                k_damp=0.0 if coupled else tray.material["damping"] * self.law[0],  # XPBD diverges by it
                 particle_radius=self.radius,
             )
         # as in rival_newton: a tetrahedron's mass, shared by its four, for Newton gives each particle a whole cell's
@@ -128,7 +128,7 @@ class Cubes:
             entry(name="vbd", solver=vbd, particles=own, bodies=[body for body, _ in self.fingers.values()]),
             entry(
                 name="xpbd",
-                solver=lambda view: newton.solvers.SolverXPBD(view, iterations=4),
+                solver=lambda view: newton.solvers.SolverXPBD(view, iterations=2),
                 particles=others,
                 configure_view=None if kind == "ADMM" else contact_only,
             ),
