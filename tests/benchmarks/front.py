@@ -8,6 +8,7 @@ was interrupted goes on where it was; other solvers begin anew. All of it takes 
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import json
 from collections.abc import Iterable, Sequence
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.front_page import draw, page
+from benchmarks.front_rivals import compared
 from benchmarks.front_runs import CHEESE, TOFU, Choice, Material, run
 from benchmarks.front_truth import Found, Mark, needed, truth_of
 from rich.console import Console
@@ -89,14 +91,20 @@ class Runs:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rivals", action="store_true", help="measure other simulators, too")
+    measure, rivals = parser.parse_args().rivals, KEPT / "rivals.json"
     runs, marks, truths = Runs(Console()), dict[Material, Sequence[Mark]](), {}
     for material in (TOFU, CHEESE):
         truths[material] = truth_of({choice: runs(choice) for choice in needed(material)}, material)
         marks[material] = [Mark.of(choice, runs(choice), truths[material]) for choice in marks_of(material)]
     crossing = [(choice, runs(choice)) for choice in stiffer()]
     sizes = [(choice, runs(choice)) for choice in larger()]
-    draw(marks, truths, ROOT / "docs" / "pictures" / "front.png")
-    (ROOT / "docs" / "results" / "front.md").write_text(page(marks, truths, crossing, sizes, machine()))
+    if measure:
+        rivals.write_text(json.dumps(compared(KEPT, truths[TOFU], runs, Console()), indent=1))
+    others = json.loads(rivals.read_text()) if rivals.exists() else None
+    draw(marks, truths, others, ROOT / "docs" / "pictures" / "front.png")
+    (ROOT / "docs" / "results" / "front.md").write_text(page(marks, truths, crossing, sizes, others, machine()))
 
 
 if __name__ == "__main__":

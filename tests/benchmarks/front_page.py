@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from benchmarks.front_rivals_page import draw_rivals, plain_logs, rivals_section
 from benchmarks.front_runs import Choice, Material
 from benchmarks.front_truth import COARSE, FINE, Found, Mark, Truth
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from softseam.view.paper import INK, PAPER, RULE, SOFT
 from softseam_protocol.models import MODELS
@@ -70,6 +71,7 @@ Here sleep is worth little while the cube is held: what presses the others chang
 soft cubes in nearly all of the tray, which wakes them; five layers of them do not rest within .6 s. Of 125 cubes of 200
 kPa ten are awake ([decision 63](../decisions/63-sleep-by-body.md)).
 
+{rivals}
 ## What it leaves out
 
 - The reference is made of runs that are each finer in one way, for one that is finer in all is beyond an hour: it is
@@ -82,7 +84,7 @@ kPa ten are awake ([decision 63](../decisions/63-sleep-by-body.md)).
   takes it seconds (of 4³ at 20 ms two take 11 of 18 s), in its own solves, again when it is repeated and others where
   step or cells are others. Why was not looked into.
 - At 5 MPa FEM takes 13 s at 5 ms; of steps of 20 ms the run was given up after six minutes, and XPBD was not tried.
-- Other simulators are not there yet, nor trays that are shaken, nor other ratios of Poisson than these two.
+- Trays that are shaken, and other ratios of Poisson than these two.
 """
 SECTION = """## {label}
 
@@ -96,8 +98,15 @@ BOUNDS = (0.15, 0.15), (0.12, 0.10), (0.10, 0.10), (0.08, 0.08), (0.05, 0.05)
 """errors of force and stress for which the cheapest is looked for [1]"""
 
 
-def page(marks: Marks, truths: Mapping[Material, Truth], crossing: Runs, sizes: Runs, machine: str) -> str:
-    """All of it."""
+def page(
+    marks: Marks,
+    truths: Mapping[Material, Truth],
+    crossing: Runs,
+    sizes: Runs,
+    rivals: Mapping[str, Any] | None,
+    machine: str,
+) -> str:
+    """All of it; `rivals`: what `front_rivals.compared` gave, None where they were not run."""
     first = next(iter(marks))
     return PAGE.format(
         machine=machine,
@@ -108,6 +117,7 @@ def page(marks: Marks, truths: Mapping[Material, Truth], crossing: Runs, sizes: 
         coarse=COARSE,
         fine=FINE,
         sizes=_sizes([(mark.choice, mark.found) for mark in marks[first]], sizes),
+        rivals=rivals_section(rivals),
         all_fem=_all_fem(marks),
     )
 
@@ -235,11 +245,16 @@ def _all_fem(marks: Marks) -> str:
 FEM, XPBD, ALIKE = "#e8794a", "#5f8cc4", "#23262d"
 
 
-def draw(marks: Marks, truths: Mapping[Material, Truth], path: Path) -> None:
-    """Error of force and of stress over time, of each material."""
-    figure = Figure(figsize=(12.5, 5.0 * len(marks)), dpi=130, facecolor=PAPER)
-    axes = figure.subplots(len(marks), 2, squeeze=False)
-    for row, (material, own) in zip(axes, marks.items(), strict=True):
+def draw(marks: Marks, truths: Mapping[Material, Truth], rivals: Mapping[str, Any] | None, path: Path) -> None:
+    """Error of force and of stress over time, of each material; and of force beside other simulators."""
+    rows = len(marks) + (rivals is not None)
+    figure = Figure(figsize=(12.5, 5.0 * rows), dpi=130, facecolor=PAPER)
+    axes = figure.subplots(rows, 2, squeeze=False)
+    if rivals is not None:
+        for ax in axes[-1]:
+            ax.remove()
+        draw_rivals(figure.add_subplot(rows, 1, rows), rivals)
+    for row, (material, own) in zip(axes[: len(marks)], marks.items(), strict=True):
         truth = truths[material]
         for ax, name, known in zip(row, ("force", "stress"), (truth.force_known, truth.stress_known), strict=True):
             _draw_one(ax, [mark for mark in own if not mark.found.stopped], name, known)
@@ -265,11 +280,7 @@ def _draw_one(ax: Axes, marks: Sequence[Mark], name: str, known: float) -> None:
         text = f"{mark.choice.cells}³" if mark.choice.cells > 1 else "1"
         text += "" if mark.choice.step == 0.005 else f" {1e3 * mark.choice.step:g} ms"
         ax.annotate(text, at, textcoords="offset points", xytext=(6, 4), fontsize=8, color=color)
-    plain = FuncFormatter(lambda value, _: f"{value:g}")
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_formatter(plain)
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_minor_locator(NullLocator())
+    plain_logs(ax)
     ax.axhline(100 * known, color=SOFT, lw=0.8, ls="--", zorder=0)
     ax.annotate("known to", (ax.get_xlim()[1], 100 * known), ha="right", va="bottom", fontsize=8, color=SOFT)
     handles = [
