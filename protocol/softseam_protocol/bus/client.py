@@ -300,7 +300,7 @@ class Bus(BusSession):
             _log.warning(
                 "the link to %s is lost: joining the bus anew", "a process that lives" if silent else "the router"
             )
-        return self._rejoin() if silent or unknown or session is None else True
+        return self.rejoin() if silent or unknown or session is None else True
 
     def close(self) -> None:
         """Stop the servers and leave the bus; a second call does nothing."""
