@@ -65,7 +65,7 @@ class ParticleRun:
         return self.solver.committed.v
 
     def request(self) -> Advance:
-        motion = tool_motion(self.tools, self.position, self.orientation, self.velocity, self.scene.step)
+        motion = tool_motion(self.position, self.orientation, self.velocity, self.scene.step)
         motion.gripping.resize(len(self.gripping), refcheck=False)
         motion.gripping[:] = self.gripping
         header = Header(SCHEMA_VERSION, "test", "far", 0, self.n, 0, self.n * self.scene.step)

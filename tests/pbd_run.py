@@ -119,7 +119,7 @@ class PbdRun:
     def request(self, seam_force: Floats | None = None, *, compliance: bool = False, exchange: int = 0) -> Advance:
         force = np.zeros((len(self.region.seam), 3)) if seam_force is None else seam_force
         motion = tool_motion(
-            self.tools, self.position, self.tools.orientation, np.pad(self.velocity, ((0, 0), (0, 3))), self.scene.step
+            self.position, self.tools.orientation, np.pad(self.velocity, ((0, 0), (0, 3))), self.scene.step
         )
         return Advance(self.header(exchange), self.scene.step, force, motion, compliance)
 

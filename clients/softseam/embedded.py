@@ -17,6 +17,7 @@ from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Recorded, SurfaceMesh
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, StepReport
 from softseam_protocol.models import ModelKind, that
+from softseam_protocol.scene.command import Command
 from softseam_protocol.scene.consistency import candidates
 from softseam_protocol.scene.file import SceneError, scene_from_bundle
 from softseam_protocol.scene.scene import Scene
@@ -84,11 +85,10 @@ class EmbeddedBackend:
 
     def step(self, count: int, velocities: Mapping[str, Vector3] | None, fields: bool) -> Observation:
         recording = self._recorder is not None
-        command = None if velocities is None else {name: velocity.tolist() for name, velocity in velocities.items()}
         with translated():
             for remaining in range(count, 0, -1):
                 try:
-                    self._last = self.simulation.step(command, fields=recording or (fields and remaining == 1))
+                    self._last = self.simulation.step(velocities, fields=recording or (fields and remaining == 1))
                 except self._view.FAILURES as error:
                     raise self._view.counted(error, count - remaining, count) from error.__cause__
         return self._observation(fields, taken=True)
@@ -306,9 +306,7 @@ def preview(bundle: Bundle) -> tuple[Scene, Preview]:
         return scene, preview(scene, {name: setup.body for name, setup in setups.items()}, tools)
 
 
-def roll_out(
-    simulation: Simulation, commands: Sequence[Mapping[str, Sequence[float]]] | None, steps: int | None
-) -> Rollout:
+def roll_out(simulation: Simulation, commands: Sequence[Command] | None, steps: int | None) -> Rollout:
     """A run from the start of the scene, of which every step is kept. Raises what the services raise."""
     from softseam_services.orchestrator import rollout
 

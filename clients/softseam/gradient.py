@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from softseam.errors import BadInput, not_among
 from softseam.losses import Loss, Run, Slope
+from softseam_protocol.scene.command import Command
 
 Floats = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ class Asked(NamedTuple):
 
     loss: Loss
     names: Sequence[str]
-    commands: Sequence[Mapping[str, Sequence[float]]] | None
+    commands: Sequence[Command] | None
     steps: int | None
     within: float
 

@@ -1,12 +1,13 @@
 """A recorded scene simulated again from its start, in this process."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from softseam.embedded import Message, simulate, surfaces, translated
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import SurfaceMesh
 from softseam_protocol.messages.session import Frame, StepReport
+from softseam_protocol.scene.command import Command
 
 
 class Resimulation:
@@ -18,7 +19,7 @@ class Resimulation:
         self._simulation = simulate(bundle, self._take)
         self._simulation.reset(seed)
 
-    def step(self, velocities: Mapping[str, Sequence[float]], fields: bool) -> StepReport:
+    def step(self, velocities: Command, fields: bool) -> StepReport:
         return self._simulation.step(velocities, fields=fields)
 
     def surfaces(self, bundle: Bundle) -> Mapping[str, SurfaceMesh]:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from softseam.backend import Backend, backend_of
 from softseam.duration import expected_duration, too_many_steps
-from softseam.errors import BadInput, NotReset, SceneRefused, SessionClosed, require_extra
-from softseam.given import checked_velocities, whole
+from softseam.errors import BadInput, BadVelocity, NotReset, SceneRefused, SessionClosed, UnknownTool, require_extra
+from softseam.given import whole
 from softseam.gradient import Asked, Gradient, check_inputs
 from softseam.losses import Loss
 from softseam.observation import Observation, observation_from
@@ -23,6 +23,7 @@ from softseam_protocol.messages import session as messages
 from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Recorded, SurfaceMesh
+from softseam_protocol.scene.command import BadCommand, NoSuchTool, checked_command
 from softseam_protocol.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -260,17 +261,18 @@ class Session:
         most = None if steps is None else whole(steps)
         if steps is not None and (most is None or most < 1):
             raise BadInput(f"steps is {steps!r}: give a whole number of steps, 1 or more")
-        moved = None if commands is None else [self._listed(one) for one in commands]
+        moved = None if commands is None else [self._checked(one) for one in commands]
         self._commands = None
         gradient, seen = backend.differentiate(Asked(loss, wrt, moved, most, near))
         self._observe(seen)
         return gradient
 
     def _checked(self, velocities: Mapping[str, ArrayLike]) -> dict[str, Vector3]:
-        return checked_velocities(velocities, self.scene, self._tools)
-
-    def _listed(self, command: Mapping[str, ArrayLike]) -> dict[str, list[float]]:
-        return {name: velocity.tolist() for name, velocity in self._checked(command).items()}
+        """As `checked_command`. Raises UnknownTool and BadVelocity."""
+        try:
+            return checked_command(velocities, self.scene)
+        except BadCommand as error:
+            raise (UnknownTool if isinstance(error, NoSuchTool) else BadVelocity)(str(error)) from None
 
     @one_thread
     def doubts(self) -> list[str]:

@@ -120,7 +120,7 @@ def _solve_whole(model: str, symmetry: tuple[str, ...] = ()) -> None:
         messages.Configure(_header(0), bundle, model, np.array([0, 1], dtype=np.int32), np.zeros(0, dtype=np.int32)),
     )
     tools = setup.tools
-    motion = tool_motion(tools, tools.position, tools.orientation, np.zeros((1, 6)), scene.step)
+    motion = tool_motion(tools.position, tools.orientation, np.zeros((1, 6)), scene.step)
     _asked(server, messages.Advance(_header(0), scene.step, np.zeros((0, 3)), motion, False))
     _asked(server, messages.Observe(_header(0)))
     _asked(server, messages.Release(_header(0)))
@@ -141,7 +141,7 @@ def _ask_everything(model: str, mesh: bool) -> None:
     command[tools.names.index("ball"), 2:4] = -0.02, 0.1
     position, orientation = tools.position.copy(), tools.orientation.copy()
     for step in range(2):
-        motion = tool_motion(tools, position, orientation, command, scene.step)
+        motion = tool_motion(position, orientation, command, scene.step)
         for exchange in range(2):
             force = np.full((len(shared), 3), 1e-4 * exchange)
             ask(messages.Advance(header(step, exchange), scene.step, force, motion, exchange == 0))
@@ -180,7 +180,7 @@ def warm_pile(model: str, touching: bool = False) -> None:
         server, tools = ParticipantServer(), setups["first"].tools
         server.adopt(bundle, setups)
         _asked(server, messages.Configure(_header(0), bundle, model, none, none, bodies=names))
-        motion = tool_motion(tools, tools.position, tools.orientation, np.zeros((len(tools.names), 6)), scene.step)
+        motion = tool_motion(tools.position, tools.orientation, np.zeros((len(tools.names), 6)), scene.step)
         _asked(server, messages.Advance(_header(0), scene.step, np.zeros((0, 3)), motion))
         _asked(server, messages.Release(_header(0)))
 

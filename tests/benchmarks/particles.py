@@ -161,7 +161,7 @@ def _allocations(substeps: int) -> int:
     tools = {"ground": {"kind": "plane", "friction": 0.5}}
     run = ParticleRun(particle_scene(body, gravity=(0.0, 0.0, -9.81), tools=tools, pbd={"substeps": substeps}))
     run.run(0.1)
-    motion = tool_motion(run.tools, run.position, run.orientation, run.velocity, run.scene.step)
+    motion = tool_motion(run.position, run.orientation, run.velocity, run.scene.step)
     request = Advance(Header(SCHEMA_VERSION, "", "far", 0, 0, 0, 0.0), run.scene.step, np.zeros((0, 3)), motion)
     before = int(rtsys.get_allocation_stats().alloc)  # type: ignore[no-untyped-call]
     run.solver.advance(request)

@@ -5,18 +5,19 @@ from __future__ import annotations
 import os
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 import zenoh
 
+from softseam_protocol.bus import client as buses
 from softseam_protocol.bus.asking import Asker
 from softseam_protocol.bus.client import INTRODUCTION, Bus, Router
 from softseam_protocol.bus.inbox import Inbox, LiveChange, Received
 from softseam_protocol.bus.peer_links import PeerLinks
-from softseam_protocol.bus.session import LEASE, direct
+from softseam_protocol.bus.session import LEASE
 from softseam_protocol.errors import NoReply
 from softseam_protocol.topics import EVERY_NODE, Keys
 from softseam_services.bus_options import BusOptions
@@ -111,39 +112,78 @@ def test_a_link_that_breaks_while_both_live_is_made_again(options: BusOptions) -
 def test_who_leaves_for_good_is_let_go(options: BusOptions) -> None:
     """Nobody joins anew for it."""
     with options.open() as bus:
-        own = str(bus._session.info.zid())
         with options.open() as other:
             until(lambda: len(names(bus) & names(other)) == 2)
-        until(lambda: names(bus) == {own})
+        until(lambda: names(bus) == {bus.name})
         time.sleep(3 * LEASE)  # time in which it would
-        until(lambda: names(bus) == {own})  # zenoh's answer may lack one
+        until(lambda: names(bus) == {bus.name})  # zenoh's answer may lack one
 
 
-def test_who_could_not_join_anew_tries_again() -> None:
+class Looks(PeerLinks):
+    """Looks at links when the test says so, and not by itself."""
+
+    last: Looks
+
+    def __init__(self, mend: Callable[[frozenset[str]], bool], patience: float) -> None:
+        super().__init__(mend, patience)
+        self.mend = mend
+        Looks.last = self
+
+    def broke(self, peer: str) -> None:
+        """Nothing is due."""
+
+
+@pytest.fixture
+def by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bus that is opened last looks at its links when `Looks.last.mend` is called."""
+    monkeypatch.setattr(buses, "PeerLinks", Looks)
+
+
+class Session:
+    """One of zenoh's that cannot do some things."""
+
+    def __init__(self, opened: Any, stuck: bool, refusals: list[bool]) -> None:
+        self.opened, self.stuck, self.refusals = opened, stuck, refusals
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.opened, name)
+
+    def declare_subscriber(self, *how: Any) -> Any:
+        if self.refusals and self.refusals.pop(0):
+            raise zenoh.ZError("the router is gone")
+        return self.opened.declare_subscriber(*how)
+
+    def close(self) -> None:
+        self.opened.close()
+        if self.stuck:
+            raise zenoh.ZError("close operation timed out!")
+
+
+def opening(monkeypatch: pytest.MonkeyPatch, stuck: bool = False, refusals: Sequence[bool] = ()) -> None:
+    """Sessions are closed with an error, or refuse a subscriber, in turns, from here on."""
+    opened, left = zenoh.open, list(refusals)
+    monkeypatch.setattr(zenoh, "open", lambda config: Session(opened(config), stuck, left))
+
+
+@pytest.mark.usefixtures("by_hand")
+def test_who_could_not_join_anew_tries_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """The router was gone, or went while all was being declared: as soon as it is there again nothing is missing."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         options = BusOptions(connect=f"tcp/127.0.0.1:{probe.getsockname()[1]}")
-    refusals = [False, True]
-
-    def refused(session: Any) -> Any:
-        if refusals and refusals.pop(0):
-            raise zenoh.ZError("the router is gone")
-        return session.declare_subscriber(ECHO, direct(lambda sample: None))
-
     gone = frozenset(("a_peer_that_has_gone_meanwhile",))
     router = Router(options.connect)
+    opening(monkeypatch, refusals=[False, True])
     with options.open() as bus:
-        bus._links.close()  # the test is what looks
-        subscriber = bus._declare(refused)
+        looks, subscriber = Looks.last, bus.subscribe(ECHO)
         bus.publish(SAID, b"before", droppable=True)
         router.close()
-        assert not bus._rejoin()
-        assert not bus._mend(gone)
+        assert not bus.rejoin()
+        assert not looks.mend(gone)
         with Router(options.connect), Bus(options.connect) as client:
+            assert not bus.rejoin(), "it was refused"
+            assert looks.mend(gone)
             heard = client.subscribe(SAID)
-            assert not bus._rejoin()
-            assert bus._mend(gone)
             time.sleep(INTRODUCTION)  # in which it is not sure who listens
             assert bus.listened(SAID)
             bus.publish(SAID, b"after", droppable=True)
@@ -151,7 +191,7 @@ def test_who_could_not_join_anew_tries_again() -> None:
             assert got is not None and got.payload == b"after"
             heard.close()
             until(lambda: not bus.listened(SAID))
-        subscriber.undeclare()
+        subscriber.close()
 
 
 def test_clients_of_the_router_show_no_name(options: BusOptions) -> None:
@@ -159,51 +199,40 @@ def test_clients_of_the_router_show_no_name(options: BusOptions) -> None:
         until(lambda: len(names(client)) == 1)
 
 
+@pytest.mark.usefixtures("by_hand")
 def test_whom_the_router_has_forgotten_joins_anew_at_the_second_look(options: BusOptions) -> None:
     """As after a freeze, when zenoh's new link with the router is taken for the old one that the router let go."""
     live = KEYS.live("participant", "fem", "i1")
-    with options.open() as bus, Bus(options.connect) as client:
-        bus._links.close()  # the test is what looks
-        bus.declare_live(live)
-        until(lambda: live in client.live(live))
-
-        def name() -> str:
-            return str(bus._session.info.zid())
-
-        for _ in range(2):
-            until(lambda: name() in names(client))
-            before = name()
-            assert bus._mend(frozenset()) and name() == before, "it is known"
-            bus._tokens[0].current.undeclare()  # its name
-            until(lambda: not names(client))
-            assert not bus._mend(frozenset()) and name() == before, "its link may be on its way"
-            assert bus._mend(frozenset()) and name() != before
+    with options.open() as bus:
+        looks = Looks.last
+        with Bus(options.connect) as client:
+            bus.declare_live(live)
             until(lambda: live in client.live(live))
+            for _ in range(2):
+                until(lambda: bus.name in names(client))
+                before = bus.name
+                assert looks.mend(frozenset()) and bus.name == before, "it is known"
+                bus._tokens[0].current.undeclare()  # its name
+                until(lambda: not names(client))
+                assert not looks.mend(frozenset()) and bus.name == before, "its link may be on its way"
+                assert looks.mend(frozenset()) and bus.name != before
+                until(lambda: live in client.live(live))
 
 
-def test_who_cannot_leave_joins_anew_all_the_same(options: BusOptions) -> None:
+@pytest.mark.usefixtures("by_hand")
+def test_who_cannot_leave_joins_anew_all_the_same(options: BusOptions, monkeypatch: pytest.MonkeyPatch) -> None:
     """zenoh gives closing up where links are full."""
-
-    class Stuck:
-        def __init__(self, session: Any) -> None:
-            self.session = session
-
-        def close(self) -> None:
-            self.session.close()
-            raise zenoh.ZError("close operation timed out!")
-
+    opening(monkeypatch, stuck=True)
     with options.open() as bus, Bus(options.connect) as client:
-        bus._links.close()
         heard = bus.subscribe(SAID)
-        bus._zenoh = Stuck(bus._zenoh)
-        assert bus._rejoin()
+        before = bus.name
+        assert bus.rejoin() and bus.name != before
 
         def is_heard() -> bool:
             client.publish(SAID, b"after")
             return len(heard) > 0
 
         until(is_heard)
-        bus._zenoh = Stuck(bus._zenoh)
 
 
 def test_a_link_is_looked_at_a_while_after_it_broke_and_after_another_was_made() -> None:

@@ -16,6 +16,7 @@ from softseam import connected
 from softseam.connected import ConnectedBackend
 from softseam.errors import NoConnection, ServicesFailed
 from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.inbox import Inbox, LiveChange
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import FailureKind
@@ -95,14 +96,14 @@ def test_an_orchestrator_that_shows_itself_and_is_deaf_is_asked_now_and_then(
         holder.declare_live(KEYS.live("orchestrator", "orchestrator", "deaf"))
         orchestrator.close()
         asked = 0
-        call = backend._bus.call
+        call = Bus.call
 
-        def counted(key: str, message: object, allowed: object, left: float) -> object:
+        def counted(bus: Bus, key: str, message: object, allowed: object, left: float) -> object:
             nonlocal asked
             asked += 1
-            return call(key, message, allowed, left)
+            return call(bus, key, message, allowed, left)
 
-        monkeypatch.setattr(backend._bus, "call", counted)
+        monkeypatch.setattr(Bus, "call", counted)
         with pytest.raises(ServicesFailed, match="softseam up"):
             backend.reset(1)
         assert 1 < asked <= 10.0 * timeout + 2
@@ -111,13 +112,13 @@ def test_an_orchestrator_that_shows_itself_and_is_deaf_is_asked_now_and_then(
 
 def test_a_session_is_opened_by_an_orchestrator_that_comes_late(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that is being restarted: it is there only after a session has asked in vain."""
-    wait, missed = ConnectedBackend._wait_for_orchestrator, threading.Event()
+    watch, missed = Bus.watch_live, threading.Event()
 
-    def waiting(backend: ConnectedBackend, end: float) -> None:
+    def waiting(bus: Bus, key: str) -> Inbox[LiveChange]:
         missed.set()
-        wait(backend, end)
+        return watch(bus, key)
 
-    monkeypatch.setattr(ConnectedBackend, "_wait_for_orchestrator", waiting)
+    monkeypatch.setattr(Bus, "watch_live", waiting)
     with ThreadPoolExecutor() as pool:
         opening = pool.submit(ConnectedBackend, Squeeze(1).bundle, endpoint, record=False, timeout=20.0)
         assert missed.wait(10.0), "it gave up at once"

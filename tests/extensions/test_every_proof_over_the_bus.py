@@ -66,7 +66,7 @@ PROOFS = {
     "interface": Proof(partial(test_interface.scene, ("fem", "pbd"), 0.1), 20, 10, {22: "pbd"}),
     "contact law": Proof(partial(test_contact_law.scene, ("fem", "pbd"), 0.3), 10, 10, {12: "fem"}),
     "sleep": Proof(partial(test_sleep.scene, "fem", sleep=True), 20, 70, {30: "fem"}),
-    "law in parts": Proof(partial(test_law_in_every_solver.scene, "cut"), 60, 10, {50: "fem"}),
+    "law in parts": Proof(partial(test_law_in_every_solver.scene, "cut"), 20, 10, {15: "fem"}),
     "law that changes its solver": Proof(partial(test_law_in_every_solver.scene, "switched"), 210, 90),
     "model": Proof(test_model_with_a_service.scene, 10, 10, {12: "springs"}),
     "grains": Proof(test_discretisation.scene, 20, 10, {22: "pbd"}),

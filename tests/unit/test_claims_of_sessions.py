@@ -15,8 +15,9 @@ from rich.console import Console
 import softseam
 from softseam.claims.repeated import resampled
 from softseam.claims.sibling import NoSibling
-from softseam.claims.voice import BOUND, sentence
+from softseam.claims.voice import sentence
 from softseam.running import Wishes, run
+from softseam_protocol.messages.outcomes import TOO_FAR_OFF
 
 CLOSE = {"left": [0.02, 0.0, 0.0], "right": [-0.02, 0.0, 0.0]}
 COARSE = ("body.cell=[0.02, 0.02, 0.01]", "quantities=[grip_force, sag]")
@@ -40,7 +41,7 @@ def test_sessions_tables_and_events_tell_one_claim(block: str) -> None:
     force = claims["quantities"]["grip_force"]
     worse = max(force["end"], force["peak"], key=lambda each: each["share"])
     (event,) = (event for event in report["events"] if event["kind"] == "accuracy")
-    assert worse["share"] > BOUND and f"± {worse['absolute']:.2g} N" in said.getvalue()
+    assert worse["share"] > TOO_FAR_OFF and f"± {worse['absolute']:.2g} N" in said.getvalue()
     assert f"± {worse['absolute']:.2g} N ({100.0 * worse['share']:.2g} %)" in event["message"]
     assert event["message"] == sentence(report, claims) and "make body.cell and step 0." in event["message"]
     assert estimate is not None and "forces" not in estimate.text and "energy norm" in estimate.text

@@ -10,6 +10,7 @@ import pytest
 
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.participant import Commit, Reply, Request
+from softseam_services.orchestrator import embedded
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.server import ParticipantServer
 
@@ -58,11 +59,12 @@ class Quick(ParticipantServer):
 
 
 @pytest.mark.parametrize("who", ["at work", "waiting"])
-def test_an_interrupt_leaves_nobody_at_work(who: str) -> None:
+def test_an_interrupt_leaves_nobody_at_work(who: str, monkeypatch: pytest.MonkeyPatch) -> None:
     transport = EmbeddedTransport()
     slow = Slow(interrupts=who == "waiting")
-    transport._servers = {"near": Quick(slow, interrupted=who == "at work"), "far": slow}
-    transport._seconds = {("near", Commit): 1.0, ("far", Commit): 1.0}
+    servers = iter((slow, Quick(slow, interrupted=who == "at work")))
+    monkeypatch.setattr(embedded, "ParticipantServer", lambda: next(servers))
+    monkeypatch.setattr(embedded, "WORTH_A_THREAD", -1.0)  # nothing is too short for one
     requests = {name: Commit(Header(SCHEMA_VERSION, "test", name, 0, 0, 0, 0.0)) for name in ("near", "far")}
     with pytest.raises(KeyboardInterrupt):
         transport.exchange(requests)

@@ -168,12 +168,12 @@ def test_where_one_model_is_enough_no_cut_is_cheaper(cells: tuple[int, int, int]
     near, _ = _near(cells, "when_cheaper", models)
     assert near.enough
     body, rng = _bar(cells), np.random.default_rng(1)
-    alone = near._cost(np.ones(body.n_cells, dtype=np.bool_))
+    alone = near.cost(np.ones(body.n_cells, dtype=np.bool_))
     for _ in range(50):
         middle = body.cell_grid[rng.integers(body.n_cells)]
         chosen = np.abs(body.cell_grid - middle).max(axis=1) <= rng.integers(3)
         if not chosen.all():
-            assert near._cost(chosen) > alone
+            assert near.cost(chosen) > alone
     assert one_is_enough(body, _scene(cells, "always", models).models, 0.01, True) <= 1.0
 
 

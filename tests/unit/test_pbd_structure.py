@@ -113,7 +113,7 @@ class Case:
     def inputs(self) -> StepInputs:
         velocity = np.zeros((len(self.tools.names), 6))
         velocity[-1, 0], velocity[-1, 2] = 0.02, -0.05
-        motion = tool_motion(self.tools, self.tools.position, self.tools.orientation, velocity, self.scene.step)
+        motion = tool_motion(self.tools.position, self.tools.orientation, velocity, self.scene.step)
         return StepInputs(motion, np.zeros((0, 3)))
 
 

@@ -11,7 +11,7 @@ from pbd_run import PbdRun, block_scene
 
 from softseam_services.pbd import compliance, two_threads
 from softseam_services.pbd.kernels.thread_team import first_range, new_team, next_range
-from softseam_services.pbd.two_threads import TwoThreads
+from softseam_services.pbd.two_threads import TwoThreads, share_out
 
 PLATE = {"kind": "box", "size": (0.01, 0.2, 0.2), "friction": 0.6}
 
@@ -23,6 +23,23 @@ def two(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(two_threads, "cores", lambda: 2)
     monkeypatch.setattr(TwoThreads, "pays", lambda self: self.possible)
     yield
+
+
+def held_up(free: threading.Event) -> threading.Thread:
+    """Somebody whose work the second thread is at, until it is free."""
+    at_work = threading.Event()
+
+    def work(share: int) -> None:
+        if share == 0:
+            assert at_work.wait(10.0)
+        else:
+            at_work.set()
+            free.wait(60.0)
+
+    other = threading.Thread(target=share_out, args=(work,))
+    other.start()
+    assert at_work.wait(10.0)
+    return other
 
 
 def squeeze(steps: int) -> PbdRun:
@@ -97,18 +114,12 @@ def test_two_threads_leap_as_one(request: pytest.FixtureRequest) -> None:
 @pytest.mark.usefixtures("two")
 def test_nothing_waits_for_a_second_thread_that_does_not_come() -> None:
     """Held up by something else it is not missed: the steps are taken alone."""
-    free, at_work = threading.Event(), threading.Event()
-
-    def hold() -> None:
-        at_work.set()
-        free.wait(60.0)
-
-    blocked = two_threads._second().submit(hold)
-    assert at_work.wait(10.0)
+    free = threading.Event()
+    blocked = held_up(free)
     late = squeeze(3).solver.snapshot()
-    assert not blocked.done()
+    assert blocked.is_alive()
     free.set()
-    blocked.result(10.0)
+    blocked.join(10.0)
     assert squeeze(3).solver.snapshot() == late
 
 
@@ -155,22 +166,22 @@ def test_a_probe_that_two_threads_share_finds_the_bits_of_one(monkeypatch: pytes
     x = PbdRun(scene).body.x_rest
     end, free = np.flatnonzero(x[:, 0] > x[:, 0].max() - 1e-9).astype(np.int32), threading.Event()
 
-    def probed(threads: int, longer: int, held_up: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    def probed(threads: int, longer: int, late: bool = False) -> tuple[np.ndarray, np.ndarray]:
         monkeypatch.setattr(compliance, "cores", lambda: threads)
         monkeypatch.setattr(compliance, "WORTH_TWO", longer)
         run = PbdRun(scene, seam=end)
         for _ in range(4):
             run.step()
-        blocked = two_threads._second().submit(free.wait, 60.0) if held_up else None
+        blocked = held_up(free) if late else None
         told = run.solver.advance(run.request(compliance=True)).coupling.compliance
         assert len(run.solver._probe._benches) == (2 if threads == 2 and longer == 1 else 1)  # type: ignore[union-attr]
-        assert blocked is None or not blocked.done()
+        assert blocked is None or blocked.is_alive()
         free.set()
         return told, run.solver._ways
 
     alone = probed(1, 1)
     assert alone[0].any() and alone[1].any()
-    for threads, longer, held_up in ((2, 1, False), (2, 1, True), (2, 10**9, False)):
+    for threads, longer, late in ((2, 1, False), (2, 1, True), (2, 10**9, False)):
         free.clear()
-        for one, other in zip(alone, probed(threads, longer, held_up), strict=True):
+        for one, other in zip(alone, probed(threads, longer, late), strict=True):
             np.testing.assert_array_equal(one, other)

@@ -65,7 +65,7 @@ def played(step: float, motion: list[dict[str, Any]]) -> tuple[Floats, Floats, l
     while not program.done(progress):
         command, after = program.step(progress, position, orientation)
         assert after is not None
-        moved = tool_motion(tools, position, orientation, command, step)
+        moved = tool_motion(position, orientation, command, step)
         position, orientation, progress = moved.position_next, moved.orientation_next, after
         places.append(position)
         turns.append(orientation)

@@ -13,7 +13,8 @@ import softseam
 from softseam.embedded import EmbeddedBackend
 from softseam.errors import BadSnapshot, NotReset, SceneRefused, ServicesFailed
 from softseam.recording import Recording
-from softseam.scenes import load_scene
+from softseam.scenes import bundle_of, load_scene
+from softseam.session import Session
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.session import Observation
 from softseam_protocol.scene.bodies import BodySpec
@@ -48,8 +49,13 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def sim(path: Path) -> Iterator[softseam.Session]:
-    with softseam.open(path) as session:
+def backend(path: Path) -> EmbeddedBackend:
+    return EmbeddedBackend(bundle_of(path)[1])
+
+
+@pytest.fixture
+def sim(path: Path, backend: EmbeddedBackend) -> Iterator[softseam.Session]:
+    with Session(*bundle_of(path), backend) as session:
         yield session
 
 
@@ -119,10 +125,10 @@ def test_a_scene_that_cannot_be_simulated_leaves_the_one_that_was(sim: softseam.
     assert text(some_steps(sim)) == first
 
 
-def test_a_scene_whose_answer_is_lost_is_sent_again(sim: softseam.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scene_whose_answer_is_lost_is_sent_again(
+    sim: softseam.Session, backend: EmbeddedBackend, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The backend has the new scene, and its client does not know: the next reset says which one is meant."""
-    backend = sim._backend
-    assert isinstance(backend, EmbeddedBackend)
     sim.reset()
     first = text(some_steps(sim))
 
@@ -139,10 +145,8 @@ def test_a_scene_whose_answer_is_lost_is_sent_again(sim: softseam.Session, monke
     assert text(some_steps(sim)) == first
 
 
-def test_another_scene_with_other_bodies_and_tools(sim: softseam.Session) -> None:
+def test_another_scene_with_other_bodies_and_tools(sim: softseam.Session, backend: EmbeddedBackend) -> None:
     """From one body to a sheet and back, each as if it were opened; parts that are gone are released."""
-    backend = sim._backend
-    assert isinstance(backend, EmbeddedBackend)
     transport = backend.simulation._participants
     assert isinstance(transport, EmbeddedTransport)
     sim.reset()

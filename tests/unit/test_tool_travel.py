@@ -48,7 +48,7 @@ def test_half_a_thickness_counts_along_each_edge(way: list[float], far: list[str
     built = scene(0.1)
     tools = build_tools(built, build_body(built, {}), {})
     command = np.tile([*way, 0.0, 0.0, 0.0], (4, 1)) / built.step
-    motion = tool_motion(tools, tools.position, tools.orientation, command, built.step)
+    motion = tool_motion(tools.position, tools.orientation, command, built.step)
     assert beyond_middle(tools, motion) == far
 
 
@@ -64,7 +64,7 @@ def _turning(speed: float, turned: str) -> list[str]:
     set_ = build_tools(built, build_body(built, {}), {})
     command = np.zeros((4, 6))
     command[set_.names.index(turned), 4] = speed / built.step
-    return beyond_middle(set_, tool_motion(set_, set_.position, set_.orientation, command, built.step))
+    return beyond_middle(set_, tool_motion(set_.position, set_.orientation, command, built.step))
 
 
 @pytest.mark.parametrize(("turned", "least"), [("blade", np.arctan(1 / 6)), ("rod", np.arcsin(1 / 12) * 2)])
@@ -99,7 +99,7 @@ def test_parts_let_a_ball_come_on_by_half_its_radius(way: list[float], before: f
     tools = build_tools(built, build_body(built, {}), {})
     command = np.zeros((4, 6))
     command[tools.names.index("ball"), :3] = np.array(way) / built.step
-    motion = tool_motion(tools, tools.position, tools.orientation, command, built.step)
+    motion = tool_motion(tools.position, tools.orientation, command, built.step)
     x = np.array([[0.0, 0.1, 0.05], [0.0, 0.102, 0.05]]) + np.array([before, 0.0, 0.0])
     v = np.tile([0.0, flies, 0.0], (2, 1)) / built.step
     assert parts_needed(tools, motion, x, v, built.step) == parts
@@ -111,7 +111,7 @@ def test_boxes_and_planes_need_no_parts() -> None:
     tools = build_tools(built, build_body(built, {}), {})
     command = np.zeros((4, 6))
     command[tools.names.index("plate"), 0] = command[tools.names.index("ground"), 2] = 5.0
-    motion = tool_motion(tools, tools.position, tools.orientation, command, built.step)
+    motion = tool_motion(tools.position, tools.orientation, command, built.step)
     assert parts_needed(tools, motion, np.array([[0.0, 0.0, 0.01]]), np.zeros((1, 3)), built.step) == 1
 
 
@@ -119,7 +119,7 @@ def test_a_rod_that_turns_needs_parts() -> None:
     tools = {"rod": {"kind": "capsule", "radius": 0.005, "length": 0.06, "position": [0.3, 0, 0.1]}}
     built = Scene.model_validate(scene(0.1).model_dump() | {"tools": tools, "motion": [{"hold": 0.1}]})
     set_ = build_tools(built, build_body(built, {}), {})
-    motion = tool_motion(set_, set_.position, set_.orientation, np.array([[0, 0, 0, 0, 40.0, 0]]), built.step)
+    motion = tool_motion(set_.position, set_.orientation, np.array([[0, 0, 0, 0, 40.0, 0]]), built.step)
     assert parts_needed(set_, motion, np.array([[0.3, 0.0, 0.1]]), np.zeros((1, 3)), built.step) == 8
 
 

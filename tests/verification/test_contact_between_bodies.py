@@ -224,7 +224,7 @@ def test_an_even_pressure_stays_even_across_unlike_cells(cells: tuple[int, int],
     of_upper, _, of_lower = model.partition(" on ")
     bodies = {"lower": half(cells[0], 0.0, of_lower or of_upper), "upper": half(cells[1], EDGE / 2, of_upper)}
     press = {"kind": "plane", "point": [0.0, 0.0, EDGE], "normal": [0.0, 0.0, -1.0]}
-    motion = [{"tools": ["press"], "move": [0.0, 0.0, -0.002], "speed": 0.02}, {"hold": 0.4}]
+    motion = [{"tools": ["press"], "move": [0.0, 0.0, -0.002], "speed": 0.02}, {"hold": 0.1}]
     data = {"softseam": 1, "name": "pressed", "gravity": [0.0, 0.0, 0.0], "step": 0.01, "bodies": bodies}
     data |= {"tools": {"ground": {"kind": "plane"}, "press": press}, "motion": motion, "regions": {"default": of_upper}}
     data["interfaces"] = {"touch": {"kind": "contact", "between": ["upper", "lower"]}}

@@ -15,6 +15,8 @@ from softseam_protocol.messages.session import StepReport
 
 RADIUS, CELL, YOUNG, DENSITY = 0.025, 0.01, 2e4, 1000.0
 MODELS = pytest.mark.parametrize("model", ["pbd", "fem on pbd", "pbd on fem"])
+EITHER_WAY_UP = pytest.mark.parametrize("model", ["pbd", "fem on pbd"])
+"""of two that are alike and weigh nothing"""
 
 
 def ball(young: float = YOUNG, **keys: Any) -> dict[str, Any]:
@@ -77,7 +79,7 @@ def test_an_even_pressure_stays_even_across_unlike_cells(tmp_path: Path, cells: 
 
     bodies = {"lower": half(cells[0], 0.0), "upper": half(cells[1], edge / 2)}
     press = {"kind": "plane", "point": [0.0, 0.0, edge], "normal": [0.0, 0.0, -1.0]}
-    motion = [{"tools": ["press"], "move": [0.0, 0.0, -0.002], "speed": 0.02}, {"hold": 0.4}]
+    motion = [{"tools": ["press"], "move": [0.0, 0.0, -0.002], "speed": 0.02}, {"hold": 0.1}]
     data: dict[str, Any] = {"gravity": [0.0, 0.0, 0.0], "tools": {"ground": {"kind": "plane"}, "press": press}}
     data |= {"motion": motion, "regions": {"default": "pbd"}, "interfaces": TOUCH}
     (tmp_path / "scene.json").write_text(
@@ -90,7 +92,8 @@ def test_an_even_pressure_stays_even_across_unlike_cells(tmp_path: Path, cells: 
     assert worst < 2e-3
 
 
-@MODELS
+@pytest.mark.slow
+@EITHER_WAY_UP
 def test_two_balls_press_each_other_as_each_presses_a_plane_by_half(tmp_path: Path, model: str) -> None:
     """Of 50 mm, by planes that come near by 4 mm in all: with the force of either between planes that come near by
     2 mm, in the mean, within 2.5 % (cells of 10 mm, as wide as what touches)."""
@@ -104,7 +107,7 @@ def test_two_balls_press_each_other_as_each_presses_a_plane_by_half(tmp_path: Pa
         point, n = [0.0, 0.0, 2.0 * RADIUS * len(models)], len(models)
         press = {"kind": "plane", "point": point, "normal": [0.0, 0.0, -1.0], "friction": 1.0}
         keys: dict[str, Any] = {"tools": FLOOR | {"press": press}, "gravity": [0.0, 0.0, 0.0]}
-        keys["motion"] = [{"tools": ["press"], "move": [0.0, 0.0, -0.002 * n], "speed": 0.02}, {"hold": 0.4}]
+        keys["motion"] = [{"tools": ["press"], "move": [0.0, 0.0, -0.002 * n], "speed": 0.02}, {"hold": 0.2}]
         keys |= {"interfaces": TOUCH} if n > 1 else {}
         reports = Run(tmp_path, bodies, **keys).reports
         if n > 1:
@@ -117,6 +120,7 @@ def test_two_balls_press_each_other_as_each_presses_a_plane_by_half(tmp_path: Pa
     assert pressed(lower, upper) == pytest.approx(0.5 * (alone[upper] + alone[lower]), rel=0.025)
 
 
+@pytest.mark.slow
 @MODELS
 def test_a_ball_that_is_dropped_on_a_block_lies_there(tmp_path: Path, model: str) -> None:
     """From 1 mm above its middle: contact gives nothing at any time, and the ground bears both weights."""
@@ -125,7 +129,7 @@ def test_a_ball_that_is_dropped_on_a_block_lies_there(tmp_path: Path, model: str
         "lower": block([0.06, 0.06, 0.03], 0.015, regions={"default": lower}),
         "upper": ball(position=[0.0, 0.0, 0.031], regions={"default": upper}),
     }
-    run = Run(tmp_path, bodies, tools=FLOOR, interfaces=TOUCH, duration=2.0)
+    run = Run(tmp_path, bodies, tools=FLOOR, interfaces=TOUCH, duration=1.0)
     vertices, triangles = solids.sphere(RADIUS, 3)
     volume = 0.06 * 0.06 * 0.03 + np.einsum("ti,ti->", *_corners(vertices[triangles])) / 6.0
     assert run.reports[-1].wrench[0, 2] == pytest.approx(-9.81 * DENSITY * volume, rel=1e-6)
@@ -133,10 +137,9 @@ def test_a_ball_that_is_dropped_on_a_block_lies_there(tmp_path: Path, model: str
     assert run.energy.max() <= run.energy[0] + 1e-3 * np.abs(run.energy[0])
 
 
+@pytest.mark.slow
 @MODELS
-@pytest.mark.parametrize(
-    ("velocity", "young"), [((0.5, 0.3, -1.0), 2e5), ((0.0, 0.0, -1.0), 2e4), ((0.0, 0.0, -2.0), 2e5)]
-)
+@pytest.mark.parametrize(("velocity", "young"), [((0.5, 0.3, -2.0), 2e5), ((0.0, 0.0, -1.0), 2e4)])
 def test_a_knock_makes_no_energy(
     tmp_path: Path, velocity: tuple[float, float, float], young: float, model: str
 ) -> None:
@@ -183,6 +186,7 @@ def test_friction_holds_a_mesh_on_a_slope_and_yields(tmp_path: Path, model: str)
     assert slid(0.2) == pytest.approx(way, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_ball_rests_in_a_corner_of_others(tmp_path: Path) -> None:
     """Three balls on the ground, which walls hold, and one upon them, all of XPBD: what presses the ground is their
     weight, the three bear a third each, and the contact with each gives nothing."""
@@ -201,7 +205,7 @@ def test_a_ball_rests_in_a_corner_of_others(tmp_path: Path) -> None:
         for k, turn in enumerate(turns)
     }
     run = Run(
-        tmp_path, bodies, tools=FLOOR | walls, contacts={"friction": 0.3}, duration=2.0, regions={"default": "pbd"}
+        tmp_path, bodies, tools=FLOOR | walls, contacts={"friction": 0.3}, duration=0.8, regions={"default": "pbd"}
     )
     vertices, triangles = solids.sphere(RADIUS, 3)
     weight = 9.81 * DENSITY * np.einsum("ti,ti->", *_corners(vertices[triangles])) / 6.0
@@ -236,7 +240,7 @@ def test_a_restored_contact_of_meshes_goes_on_with_the_same_bits(tmp_path: Path)
             np.testing.assert_array_equal(one.bodies[name].positions, other.bodies[name].positions)
 
 
-@MODELS
+@EITHER_WAY_UP
 def test_balls_that_meet_in_flight_keep_their_momenta(tmp_path: Path, model: str) -> None:
     """Beside one another, so that they turn: linear to 1e-8, angular to 1e-6 of what each brings."""
     upper, lower = models_of(model)
@@ -248,7 +252,6 @@ def test_balls_that_meet_in_flight_keep_their_momenta(tmp_path: Path, model: str
     assert max(each.interfaces["touch"].force for each in run.reports) > 0.1
     momenta = np.array([report.momentum for report in run.reports])
     spins = np.array([report.angular_momentum for report in run.reports])
-    brought = 0.4 * 0.064
     brought = 0.4 * DENSITY * 4.0 / 3.0 * np.pi * RADIUS**3
     assert np.abs(momenta - momenta[0]).max() < 1e-8 * brought
     assert np.abs(spins - spins[0]).max() < 1e-6 * brought * 0.014

@@ -169,7 +169,7 @@ def test_a_point_with_forces_of_two_tools_shares_out_what_it_has() -> None:
     body = run.body
     run = standing(ALL, BodyState(body.x_rest.copy(), np.zeros_like(body.x_rest), force, tool), wall=wall)
     solver = run.solver
-    share_out(solver.model, solver.parameters, solver.committed, run.request().tools, solver._scratch)
+    share_out(solver.model, solver.parameters, solver.committed, run.request().tools, run.scratch)
     shared = run.committed.force.sum(axis=0)
     np.testing.assert_allclose(shared, [[0.0, 0.0, 1e-3 * below.sum()], [1e-3 * beside.sum(), 0.0, 0.0]], atol=1e-15)
 

@@ -130,7 +130,7 @@ class Watched(EmbeddedTransport):
         """Eq. (1) of each part over the step that was taken last, from its states and forces [J]."""
         found = {}
         for name, (x, v, reply) in before.items():
-            solver, state = self._solver(name), self._state(name)
+            solver, state = self._solver(name), self._solver(name).state
             mass = solver.parameters.mass if isinstance(solver, FemSolver) else solver.parameters.arrays.mass
             moved, jump = state.x - x, state.v - v
             work = fem_work(solver, moved) if isinstance(solver, FemSolver) else pbd_work(solver, state, moved)
@@ -140,18 +140,12 @@ class Watched(EmbeddedTransport):
 
     def stand(self) -> dict[str, tuple[Floats, Floats, Advanced]]:
         """Of each part: positions, velocities, and what it answered last."""
-        states = {name: self._state(name) for name in self.last}
+        states = {name: self._solver(name).state for name in self.last}
         return {name: (state.x.copy(), state.v.copy(), self.last[name]) for name, state in states.items()}
 
     def _solver(self, name: str) -> Any:
         (slot,) = self._servers[name].slots.values()
         return slot.solver
-
-    def _state(self, name: str) -> Any:
-        solver = self._solver(name)
-        if isinstance(solver, FemSolver):
-            return solver.state
-        return solver._scratch.next if solver._tentative else solver.committed
 
 
 @pytest.mark.parametrize(

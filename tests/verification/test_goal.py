@@ -243,14 +243,11 @@ def test_a_body_too_large_for_an_adjoint_is_refused(monkeypatch: pytest.MonkeyPa
 
 def test_a_look_without_an_adjoint_leaves_the_blame_and_is_not_repeated_at_once() -> None:
     """A node is nowhere, as in a step that FEM cannot take: the stiffness has no factor."""
-    simulation = Simulation(bundle_scene(Scene.model_validate(squeezed("pbd", cells=1))), EmbeddedTransport())
+    bundle = bundle_scene(Scene.model_validate(squeezed("pbd", cells=1)))
+    simulation = Simulation(bundle, EmbeddedTransport())
     while not simulation.done:
         simulation.step()
-    setup, sides, fields = (
-        build_setup(simulation._bundle),
-        simulation.regions.parts,
-        simulation.regions.participants.observe(),
-    )
+    setup, sides, fields = build_setup(bundle), simulation.regions.parts, simulation.regions.participants.observe()
     assert isinstance(setup.body, Body) and simulation.report is not None
     goal, watch = goals.Goal(setup.scene, setup.body, setup.tools), GoalWatch(setup.body)
     poses = simulation.report.tool_position, simulation.report.tool_orientation

@@ -6,6 +6,7 @@ derivative here. Young's modulus is changed with the whole scene, a tool's way i
 
 from __future__ import annotations
 
+from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,13 @@ from gradient_cases import (
 )
 
 import softseam
-from softseam.losses import Loss, displacement, tool_force, total
-from softseam.session import Session
+from softseam.embedded import simulate
+from softseam.losses import displacement, tool_force, total
+from softseam.scenes import bundle_of
 from softseam_services.fem.differential import no_differential
 from softseam_services.fem.solver import FemSolver
 from softseam_services.orchestrator.rollout import roll_out
+from softseam_services.orchestrator.simulation import Simulation
 
 LOSS = total(
     tool_force("left", [1.0, 0.3, 0.7]),
@@ -153,8 +156,7 @@ def test_gradients_by_the_start_are_central_differences(falling: dict[str, Any])
             assert derivative[axis] == pytest.approx((found[0] - found[1]) / (2.0 * apart), rel=1e-4)
 
 
-def _sweep(sim: Session, loss: Loss, commands: Commands) -> tuple[Any, FemSolver, Any]:
-    simulation = sim._backend.simulation  # type: ignore[union-attr]
+def _rolled_out(simulation: Simulation, commands: Commands) -> tuple[Any, FemSolver, Any]:
     rollout = roll_out(simulation, commands, None)
     solver = simulation.solver
     assert isinstance(solver, FemSolver)
@@ -168,8 +170,9 @@ def test_backward_is_the_transpose_of_forward(case: str) -> None:
     commands = chosen.get(case, squeeze(30, 0.03, 22))
     random, augmented = np.random.default_rng(3), 0
     fields = ("x", "v", "force", "anchor", "tool_start", "tool_end", "friction", "young")
-    with softseam.open(_scene(case)) as sim:
-        rollout, solver, tools = _sweep(sim, LOSS, commands)
+    simulation = simulate(bundle_of(_scene(case))[1], lambda message: None)
+    with closing(simulation):
+        rollout, solver, tools = _rolled_out(simulation, commands)
         derivative = rollout.tape.derivatives(1e-12)
         model, tape = solver.tables.whole.model, rollout.tape
         for step in range(0, rollout.n_steps, 2):

@@ -69,10 +69,15 @@ def pressed(**keys: Any) -> Scene:
     return tray((2, 1, 2), {"plate": plate}, own=own, motion=[{"hold": 0.5}, *moves], duration=None, **keys)
 
 
-def test_a_guest_below_wakes_by_what_presses_it() -> None:
+@pytest.fixture(scope="module")
+def presses() -> list[Observation]:
+    return seen(pressed(sleep="calm"))
+
+
+def test_a_guest_below_wakes_by_what_presses_it(presses: list[Observation]) -> None:
     """It sleeps while its neighbour above is awake, and wakes as that presses it by a hundredth of its weight more; the
     ground feels in every step what it feels without sleep, to two hundredths of a weight."""
-    found = [seen(pressed(**keys)) for keys in _RULES]
+    found = [presses, seen(pressed())]
     said = [event.message for one in found[0] for event in one.events if event.kind == "sleep"]
     assert any("what presses cube000 changed by" in each for each in said), said
     asleep = next(n for n, one in enumerate(found[0]) if not awake(one.report))
@@ -86,10 +91,10 @@ def test_a_guest_below_wakes_by_what_presses_it() -> None:
     assert -still.wrench["ground"][2] == pytest.approx(4.0 * WEIGHT, rel=1e-2)
 
 
-def test_it_goes_on_with_the_same_bits_while_some_sleep() -> None:
+def test_it_goes_on_with_the_same_bits_while_some_sleep(presses: list[Observation]) -> None:
     """From snapshots taken as all move, as they fall asleep, while all sleep, just before a tool wakes two, while some
     sleep, and just before a guest wakes within a step."""
-    before = [awake(one.report) for one in seen(pressed(sleep="calm"))]
+    before = [awake(one.report) for one in presses]
     wakes = next(n for n in range(101, len(before)) if len(before[n]) > len(before[n - 1]))
     starts = 3, before.index({"cube100"}), 60, 98, 130, wakes - 3
     assert not before[60] and before[130] == {"cube001", "cube101"} and wakes > 150

@@ -38,10 +38,16 @@ def reports(of: Scene) -> list[StepReport]:
     return seen
 
 
-def test_only_what_is_pressed_and_its_neighbours_wake() -> None:
+@pytest.fixture(scope="module")
+def slept() -> list[StepReport]:
+    """Of the tray that is pressed."""
+    return reports(pressed(sleep="calm"))
+
+
+def test_only_what_is_pressed_and_its_neighbours_wake(slept: list[StepReport]) -> None:
     """All sleep, and the ground carries their weights to 1e-6, though they swung a little as they fell asleep; the cube
     that is pressed bulges, and wakes the two beside it, and never one that is farther away. No step makes energy."""
-    seen = reports(pressed(sleep="calm"))
+    seen = slept
     asleep = next(n for n, one in enumerate(seen) if not awake(one))
     comes = next(n for n in range(asleep, len(seen)) if awake(seen[n]))
     assert asleep < RESTS <= comes
@@ -56,9 +62,9 @@ def test_only_what_is_pressed_and_its_neighbours_wake() -> None:
         assert rise <= one.energy["tool_work"] + 1e-9
 
 
-def test_what_presses_is_as_without_sleep() -> None:
+def test_what_presses_is_as_without_sleep(slept: list[StepReport]) -> None:
     """The plate's force, within 1 % in every step, and the ground's as all came to rest again."""
-    slept, whole = reports(pressed(sleep="calm")), reports(pressed())
+    whole = reports(pressed())
     force = np.array([[one.wrench[PLATE, 2] for one in each] for each in (slept, whole)])
     assert np.abs(force[1]).max() > 3.0
     assert np.abs(force[0] - force[1]).max() < 0.01 * np.abs(force[1]).max()

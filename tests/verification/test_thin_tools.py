@@ -146,22 +146,20 @@ def test_at_any_depth_coarse_cells_tell_what_fine_ones_do(model: str) -> None:
 
 @pytest.mark.slow
 @both
-@pytest.mark.parametrize(("cell", "half_range"), [(0.01, 0.05), (0.006, 0.02)])
-def test_a_rod_drawn_across_the_face_meets_no_steps(cell: float, half_range: float, model: str) -> None:
-    """Set down at six places, on small cells at four, from a row of nodes to half way to the next: force changes by
-    little from each to the next, and from there on it is the same backwards."""
-    places = np.linspace(0.0, 0.5 * cell, 6 if cell == 0.01 else 4)
-    forces = np.array([rod((x, 0.0), cell, model=model) for x in places])
-    assert np.ptp(forces) < 2.0 * half_range * ROD
-    assert np.abs(np.diff(forces)).max() < 1.2 * half_range * ROD
+def test_a_rod_drawn_across_the_face_meets_no_steps(model: str) -> None:
+    """Set down at six places from a row of nodes to half way to the next: force changes by little from each to the
+    next, and from there on it is the same backwards."""
+    forces = np.array([rod((x, 0.0), 0.01, model=model) for x in np.linspace(0.0, 0.005, 6)])
+    assert np.ptp(forces) < 0.1 * ROD
+    assert np.abs(np.diff(forces)).max() < 0.06 * ROD
 
 
 @pytest.mark.slow
 @both
 def test_a_run_claims_what_its_rod_is_off(model: str) -> None:
-    """At six places and depths on default cells every claim holds, and is no more than a fifth of the force."""
+    """At three places and depths on default cells every claim holds, and is no more than a fifth of the force."""
     random = np.random.default_rng(23)
-    for _ in range(6):
+    for _ in range(3):
         place, depth = tuple(random.uniform(-0.011, 0.011, 2).tolist()), float(random.uniform(0.0015, 0.005))
         force, claim = claimed(place, depth, model)
         assert 0.0 < claim < 0.2 * force

@@ -95,7 +95,7 @@ def test_only_who_would_gain_by_it_is_told_to_take_hex27(
     element: str, other: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """hex27_reduced is the softer of the two: on coarse cells it errs less. All are told of shorter cells."""
-    monkeypatch.setattr(error_estimate, "BOUND", 1e-3)
+    monkeypatch.setattr(error_estimate, "TOO_FAR_OFF", 1e-3)
     of = simulation(still("bonded", element, 0.45))
     said = at_the_end(of)
     of.close()

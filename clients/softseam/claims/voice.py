@@ -8,17 +8,12 @@ import numpy as np
 from softseam.claims.claim import NEXT_TO_NOTHING
 from softseam.columns import shown_unit
 from softseam.view.colors import label
-from softseam_protocol.messages.outcomes import EventKind
-
-BOUND = 0.05
-"""claim above which a run says that it is not to be trusted, as `estimate_errors` does of its fields [1]"""
-_SHORTEST = 0.25
-"""least factor of cells and steps that is advised [1]"""
+from softseam_protocol.messages.outcomes import TOO_FAR_OFF, EventKind, shorter
 
 
 def sentence(report: Mapping[str, Any], claims: Mapping[str, Any]) -> str:
-    """What is claimed of the quantities that the scene asks for and of more than BOUND, with a remedy; '' where all are
-    known better, or nothing is claimed.
+    """What is claimed of the quantities that the scene asks for and of more than `TOO_FAR_OFF`, with a remedy; '' where
+    all are known better, or nothing is claimed.
 
     Of each the worse of its end and its peak counts, but no end that is next to nothing beside its peak. Stress has
     a sentence of its own, in the energy norm.
@@ -33,13 +28,12 @@ def sentence(report: Mapping[str, Any], claims: Mapping[str, Any]) -> str:
         end, peak = ((claim[reading]["value"] or 0.0) for reading in ("end", "peak"))
         readings = ("end", "peak") if abs(end) > NEXT_TO_NOTHING * abs(peak) else ("peak",)
         share, text = max((_told(name, each, claim[each]) for each in readings), key=lambda pair: pair[0])
-        if share > BOUND:
+        if share > TOO_FAR_OFF:
             texts.append(text)
             largest = max(largest, share)
     if not texts:
         return ""
-    factor = max(_SHORTEST, (BOUND / largest) ** 0.5)
-    return f"{', '.join(texts)}: make body.cell and step {factor:.2g} times as long"
+    return f"{', '.join(texts)}: make body.cell and step {shorter(largest):.2g} times as long"
 
 
 def _told(name: str, reading: str, claim: Mapping[str, Any]) -> tuple[float, str]:

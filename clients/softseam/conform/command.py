@@ -1,6 +1,5 @@
 """`softseam conform`: runs the checks against a participant, shows how it gets on, and a table."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -16,8 +15,6 @@ from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import BusError
 from softseam_protocol.topics import DEFAULT_DEPLOYMENT, Keys
 
-_FIRST, _RETRY = 10.0, 0.25
-"""longest wait for a participant, and between two looks [s]"""
 PASSED, FAILED, NOT_CLAIMED, NOT_RUN = "passed", "failed", "not claimed", "not run"
 
 
@@ -104,18 +101,10 @@ def _chosen(bus: Bus, keys: Keys, service: str | None) -> str:
 
 def wait_answers(bus: Bus, keys: Keys, service: str) -> None:
     """Return once the service sends back what its echo is sent. Raises NoConnection after 10 s."""
-    end = time.monotonic() + _FIRST
-    changes = bus.watch_live(keys.every_live("participant", service))
-    try:
-        while time.monotonic() < end:
-            try:
-                if bus.request(keys.echo(service), b"alive?", 1.0) == b"alive?":
-                    return
-            except BusError:
-                changes.get(_RETRY)  # until it comes or goes, or a while has passed
-    finally:
-        changes.close()
-    raise NoConnection(f"participant {service!r} does not send back what {keys.echo(service)} is sent: serve that key")
+    if not bus.wait_answers(keys.every_live("participant", service), keys.echo(service)):
+        raise NoConnection(
+            f"participant {service!r} does not send back what {keys.echo(service)} is sent: serve that key"
+        )
 
 
 def _table(service: str, rows: list[Row]) -> Table:

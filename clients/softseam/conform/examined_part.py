@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.client import TIMEOUT, Bus
 from softseam_protocol.errors import BusTimeout, ProtocolError, Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.names import ONLY_BODY, within
@@ -52,8 +52,6 @@ YOUNG, POISSON, DENSITY = _BODY.material.young, _BODY.material.poisson, _BODY.ma
 """of the block [Pa], [1], [kg/m^3]"""
 _EPOCH = 1
 """that all seats are configured in: there is an older one"""
-WAIT = 60.0
-"""longest wait for an answer [s]"""
 _GRID = np.array([(i, j, k) for k in range(3) for j in range(3) for i in range(5)])
 """the block's nodes, two cells along x (45, 3)"""
 REST = 0.5 * EDGE * _GRID - np.array([EDGE, 0.5 * EDGE, 0.0])
@@ -98,7 +96,7 @@ class Service:
     bus: Bus
     key: str
     model: str
-    wait: float = WAIT
+    wait: float = TIMEOUT
     """longest wait for an answer [s]"""
     seats: list[ExaminedPart] = field(default_factory=list)
     """that were configured since `release` was called"""

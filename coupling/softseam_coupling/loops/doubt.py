@@ -9,12 +9,23 @@ from softseam_coupling.loops.loop import largest
 
 Floats = NDArray[np.float64]
 
-__all__ = ["EXACT", "FIRST_DOUBT", "FORCE_EXCHANGES", "UNCORRECTED", "grown", "is_force_known", "is_linear_enough"]
+__all__ = [
+    "EXACT",
+    "FIRST_DOUBT",
+    "FORCE_EXCHANGES",
+    "STALE",
+    "UNCORRECTED",
+    "grown",
+    "is_force_known",
+    "is_linear_enough",
+]
 
 FIRST_DOUBT = 0.3
 """kappa of a part of which nothing is known [1]"""
 _DOUBT = 1.1
 """growth of a kappa in a step that does not measure it [1]"""
+STALE = 0.5
+"""kappa, the share of a move that a linear answer is off by, from which on the compliance is found anew [1]"""
 _SMALL = 0.02
 """largest move that is not doubted, in cells [1]"""
 _DOUBTED_FORCE = 10.0

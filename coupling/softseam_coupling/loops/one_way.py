@@ -33,6 +33,7 @@ from softseam_coupling.loops.doubt import (
     EXACT,
     FIRST_DOUBT,
     FORCE_EXCHANGES,
+    STALE,
     UNCORRECTED,
     grown,
     is_force_known,
@@ -59,8 +60,8 @@ from softseam_protocol.messages.participant import Advanced, Capabilities
 Floats = NDArray[np.float64]
 
 _NONE = np.zeros((0, 0))
-_STALE, _LEAST_AGE = 0.5, 24
-"""a part's compliance is found anew after a step that was redone, where its kappa is larger [1] and it is so old"""
+_LEAST_AGE = 24
+"""a part's compliance is found anew after a step that was redone, where it is `STALE` and so old"""
 
 
 @dataclass(slots=True)
@@ -301,7 +302,7 @@ class OneWay:
                 linearity = self._linearity[name]
                 linearity.kappa = largest(miss) / went
                 # the factor that it reported is not that of the end of the step
-                linearity.renew = linearity.renew or (self._reports_every_factor(name) and linearity.kappa > _STALE)
+                linearity.renew = linearity.renew or (self._reports_every_factor(name) and linearity.kappa > STALE)
                 change = requests[name].force - asked[name].force
                 if (
                     part.compliance.size
@@ -377,7 +378,7 @@ class OneWay:
         for name, linearity in self._linearity.items():
             n_contacts = int(replies[name].figure(Figure.CONTACTS))
             touches = (n_contacts > 0) != (linearity.n_contacts > 0)
-            old = exchanges > 1 and linearity.age >= linearity.least_age and linearity.kappa > _STALE
+            old = exchanges > 1 and linearity.age >= linearity.least_age and linearity.kappa > STALE
             if name != self._impedance_part and not self._reports_every_factor(name):
                 linearity.renew = linearity.renew or touches or old
                 linearity.least_age *= 2 if old else 1

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.loops.coupled_part import HARDLY, gap_of, parts_of
+from softseam_coupling.loops.doubt import STALE
 from softseam_coupling.loops.loop import (
     Ask,
     Correct,
@@ -33,8 +34,6 @@ from softseam_protocol.messages.participant import Capabilities
 
 Floats = NDArray[np.float64]
 
-_STALE = 0.5
-"""share of the gap that a try may leave of the one before; else part a's compliance is found anew [1]"""
 _GROWN, _STEPS = 1e3, 3
 """the multiplier's changes from step to step alternate and grow: so much in all, over at least so many steps, is no
 oscillation of the body's [1]"""
@@ -96,7 +95,7 @@ class Staggered:
                 return Outcome({self._put: reply, self._free: other}, multipliers, gap, exchange)
             if reply.status is not Status.CONVERGED:
                 break
-            self._asks, before = self._asks or gap > _STALE * before, gap
+            self._asks, before = self._asks or gap > STALE * before, gap
             multipliers = multipliers - (self._stiffness @ left.reshape(-1)).reshape(-1, 3)  # eq. (1)
         raise StepDiverged(f"staggered: {self._put} cannot be put where {self._free} went: {_REMEDY}")
 

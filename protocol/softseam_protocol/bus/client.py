@@ -24,12 +24,18 @@ from softseam_protocol.bus.liveness import LiveTokens
 from softseam_protocol.bus.peer_links import PeerLinks
 from softseam_protocol.bus.server import Handler, Server
 from softseam_protocol.bus.session import LEASE, BusSession, as_endpoints, direct, first_sentence
-from softseam_protocol.errors import BusError, NoRouter, PortBusy
+from softseam_protocol.errors import BusError, NoRouter, PortBusy, ProtocolError
 from softseam_protocol.topics import DEFAULT_ENDPOINT, EVERY_NODE, node
 from softseam_protocol.wire.codec import encode
 
 INTRODUCTION = 1.0
 """time in which a publisher learns of those who have subscribed before [s]"""
+
+TIMEOUT = 60.0
+"""longest wait for a participant's answer [s]; a process that dies or freezes is noticed long before"""
+FIRST = 10.0
+"""longest wait for a service before its first request [s]"""
+_RETRY = 0.25
 
 _LOOKS = 2
 """for a peer that lives; zenoh's answer may lack one"""
@@ -159,6 +165,22 @@ class Bus(BusSession):
         A Failure is raised as Refused unless `allowed` names it.
         """
         return understood(key, self.request(key, encode(message), timeout), allowed)
+
+    def wait_answers(self, tokens: str, echo: str, timeout: float = FIRST) -> bool:
+        """Whether a service sends back within `timeout` [s] what its `echo` is sent; `tokens`: keys that show it."""
+        end = time.monotonic() + timeout
+        changes = self.watch_live(tokens)
+        try:
+            while (left := end - time.monotonic()) > 0.0:
+                try:
+                    if self.request(echo, b"alive?", min(left, 1.0)) == b"alive?":
+                        return True
+                except ProtocolError:
+                    pass
+                changes.get(min(left, _RETRY))  # until it comes or goes, or a while has passed
+        finally:
+            changes.close()
+        return False
 
     def serve(self, handlers: Mapping[str, Handler], name: str = "server") -> Server:
         """Answer requests to keys; call `start` or `run` on the result. Handlers run one at a time."""
@@ -300,7 +322,7 @@ class Bus(BusSession):
             _log.warning(
                 "the link to %s is lost: joining the bus anew", "a process that lives" if silent else "the router"
             )
-        return self._rejoin() if silent or unknown or session is None else True
+        return self.rejoin() if silent or unknown or session is None else True
 
     def close(self) -> None:
         """Stop the servers and leave the bus; a second call does nothing."""

@@ -79,6 +79,11 @@ class BusSession:
                 raise BusError("the bus is closed" if self._closed else "the router is gone: start it again")
             return self._zenoh
 
+    @property
+    def name(self) -> str:
+        """What zenoh calls this session; another one after it was joined anew."""
+        return str(self._session.info.zid())
+
     def _on_session(self, act: Callable[[Any], Any]) -> Any:
         """`act` on the session, on the next one where this one is closed meanwhile. Raises BusError."""
         try:
@@ -96,7 +101,7 @@ class BusSession:
             self._declared[next(self._numbers)] = declared
         return declared
 
-    def _rejoin(self) -> bool:
+    def rejoin(self) -> bool:
         """Leave and join with everything that was declared; False where that fails, as without a router."""
         with self._joining:
             if self._closed:

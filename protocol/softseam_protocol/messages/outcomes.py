@@ -1,5 +1,6 @@
 """What messages say in one word, for programs to act on; texts beside them are for people, and nothing reads those."""
 
+import math
 from enum import StrEnum
 
 
@@ -173,6 +174,17 @@ class Figure(StrEnum):
     """steps of the participant's own that the motion is made of"""
     WORST_STRETCH = "worst_stretch"
     """of particles: largest change of length of a spring, relative, or largest strain of a tetrahedron [1]"""
+
+
+TOO_FAR_OFF = 0.05
+"""error above which a run says that it is not to be trusted [1]"""
+_SHORTEST = 0.25
+"""least factor of cells and steps that is advised [1]"""
+
+
+def shorter(error: float) -> float:
+    """Factor of cells and steps for an error of second order in both [1] to be `TOO_FAR_OFF`."""
+    return max(_SHORTEST, math.sqrt(TOO_FAR_OFF / error))
 
 
 ONE_AT_LEAST = frozenset({Figure.ITERATIONS, Figure.SUBSTEPS})

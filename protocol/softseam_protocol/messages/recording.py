@@ -77,6 +77,10 @@ class Begin:
     """by body"""
 
 
+FINISH = 20.0
+"""longest time from an End to its answer [s]: half of it for messages that are still on their way, half for the disk"""
+
+
 @message
 class End:
     """A session has ended: its recording can be closed."""

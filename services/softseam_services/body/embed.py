@@ -18,7 +18,6 @@ from softseam_services.body.surface_points import contact_points, refine
 from softseam_services.body.unite import mend
 from softseam_services.body.units import check_extent, unit_guess
 
-_NOTHING = 1e-12
 DROPPED = 1e-6
 """cells emptier than this that carry no surface point are left out; their mass is spread over the others"""
 _MOST_CELLS = 200_000
@@ -175,8 +174,8 @@ def moments_of(vertices: Floats, triangles: Ints, counts: Ints) -> Floats:
     lattice = (vertices - vertices.min(axis=0)) * (octants / np.ptp(vertices, axis=0))
     moments = octant_moments(np.ascontiguousarray(np.clip(lattice, 0.0, octants)), triangles, octants)
     fill = moments[..., 0]
-    moments[fill < _NOTHING] = 0.0
-    moments[fill > 1.0 - _NOTHING] = FULL_MOMENTS
+    moments[fill < SAME] = 0.0
+    moments[fill > 1.0 - SAME] = FULL_MOMENTS
     return np.asarray(moments)
 
 

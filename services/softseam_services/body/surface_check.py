@@ -12,8 +12,6 @@ from softseam_services.body.kernels.surface import find_crossings, grid_triangle
 from softseam_services.body.repair import FLAT, edges_of
 
 _THIN_SOLID = 1e-6
-ROUNDING = 1e-12
-"""of the extent: a coordinate that is less than that is given as 0"""
 
 
 class Unmended(MeshError):
@@ -215,5 +213,5 @@ def _nest(path: str, vertices: Floats, triangles: Ints, shell: Ints) -> tuple[In
 
 def _place(point: Floats, vertices: Floats) -> str:
     """A point [m] as messages give it; what is rounding beside the surface's extent is 0."""
-    shown = np.where(np.abs(point) < ROUNDING * np.ptp(vertices, axis=0).max(), 0.0, point)
+    shown = np.where(np.abs(point) < SAME * np.ptp(vertices, axis=0).max(), 0.0, point)
     return f"({shown[0]:.4g}, {shown[1]:.4g}, {shown[2]:.4g}) m"

@@ -144,7 +144,7 @@ class Bench:
             np.full(self.body.n_points, -1, dtype=np.int32),
         )
         solver = self._solver(self._spec(together, sweeps), together * h, start)
-        motion = tool_motion(self._tools, self._tools.position, self._tools.orientation, np.zeros((0, 6)), together * h)
+        motion = tool_motion(self._tools.position, self._tools.orientation, np.zeros((0, 6)), together * h)
         q, quickest, stable = [], math.inf, True
         for step in range(SKIPPED + max(8, math.ceil(period / (together * h)))):
             header = Header(SCHEMA_VERSION, "calibrate", "far", 0, step, 0, step * together * h)

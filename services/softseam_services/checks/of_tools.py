@@ -154,7 +154,7 @@ def leaps(seen: Cells) -> Iterator[str]:
         if isinstance(spec, MovePhase | TurnPhase) and spec.acceleration is not None:
             fastest = max(0.0, 0.5 * (spec.ramp.time - scene.step))
         command, _ = program.step(Progress(phase, fastest), tools.position, tools.orientation)
-        for name in beyond_middle(tools, tool_motion(tools, tools.position, tools.orientation, command, scene.step)):
+        for name in beyond_middle(tools, tool_motion(tools.position, tools.orientation, command, scene.step)):
             yield (
                 f"motion.{phase}: {name} moves half its thickness in a step of {1e3 * scene.step:g} ms: the body may "
                 "come out behind it; shorten `step`, or move it more slowly"

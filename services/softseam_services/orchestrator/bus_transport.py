@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Mapping
 from statistics import median
 from time import perf_counter
 
 from softseam_protocol.bus.asking import Asker, Pending
-from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.client import FIRST, TIMEOUT, Bus
 from softseam_protocol.errors import BusTimeout, NoReply, ProtocolError, Refused
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Advanced, Configure, Failure, Reply, Request
@@ -18,11 +17,6 @@ from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost, worked
 
-TIMEOUT = 60.0
-"""longest wait for a reply [s]; a process that dies or freezes is noticed long before"""
-FIRST = 10.0
-"""longest wait for a service before its first request [s]"""
-_RETRY = 0.25
 _KEPT = 4096
 
 
@@ -105,16 +99,8 @@ class BusTransport:
         service = self._service_of.get(participant)
         if service is None:
             return False
-        end = time.monotonic() + timeout
-        changes = self._bus.watch_live(self._keys.every_live("participant", service))
-        try:
-            while (left := end - time.monotonic()) > 0.0:
-                if self._answers(service, min(left, 1.0)):
-                    return True
-                changes.get(min(left, _RETRY))  # until a process comes or goes, or a while has passed
-        finally:
-            changes.close()
-        return False
+        tokens, echo = self._keys.every_live("participant", service), self._keys.echo(service)
+        return self._bus.wait_answers(tokens, echo, timeout)
 
     def echo(self, size: int, count: int = 200) -> float:
         """Median time of an exchange that only echoes: `size` bytes a participant, half of them each way [s]."""
@@ -172,9 +158,3 @@ class BusTransport:
         if reply.header != request.header:
             raise ParticipantFailed(name, Failure(FailureKind.INVALID, f"it answered another request: {reply.header}"))
         return reply
-
-    def _answers(self, service: str, timeout: float) -> bool:
-        try:
-            return self._bus.request(self._keys.echo(service), b"alive?", timeout) == b"alive?"
-        except ProtocolError:
-            return False

@@ -13,11 +13,9 @@ from collections.abc import Collection
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.bus.liveness import CLIENT
+from softseam_protocol.bus.session import LEASE
 from softseam_protocol.errors import BusError
 from softseam_protocol.topics import Keys
-
-_PERIOD = 1.0
-"""between questions to the router [s]"""
 
 
 class ClientLiveness:
@@ -43,7 +41,7 @@ class ClientLiveness:
                     if not change.alive:
                         self._gone[live.instance] = time.monotonic()
             change = self._changes.get(0.0)
-        if time.monotonic() - self._asked >= _PERIOD and not self._gone.keys().isdisjoint(sessions):
+        if time.monotonic() - self._asked >= LEASE and not self._gone.keys().isdisjoint(sessions):
             self._ask()
 
     def gone(self, seconds: float = 0.0) -> set[str]:

@@ -15,6 +15,7 @@ from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Begin
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, Observations, Step, StepReport
+from softseam_protocol.scene.command import Command, checked_command
 from softseam_protocol.topics import Keys
 from softseam_services.orchestrator.bus_transport import BusTransport
 from softseam_services.orchestrator.client_view import counted, observation, restore, snapshot
@@ -119,7 +120,7 @@ class ClientSession:
         return self._each(request) if request.each else self._steps(request)
 
     def _steps(self, request: Step) -> Observation:
-        commands = _commands(request)
+        commands = self._commands(request)
         for remaining in range(request.count, 0, -1):
             try:
                 if not self._step(commands, fields=request.fields and remaining == 1, more=remaining > 1):
@@ -132,7 +133,7 @@ class ClientSession:
         """Take as many steps as fit into a turn, one at least."""
         began = time.monotonic()
         taken: list[Observation] = []
-        commands = _commands(request)
+        commands = self._commands(request)
         more = True
         while more:
             more = len(taken) + 1 < request.count and time.monotonic() - began < _TURN
@@ -147,7 +148,24 @@ class ClientSession:
             taken.append(self._observe(request.fields, taken=True))
         return Observations(request.header, taken or [self._observe(request.fields, taken=True)])
 
-    def _step(self, commands: dict[str, list[float]] | None, fields: bool, more: bool) -> bool:
+    def _commands(self, request: Step) -> Command | None:
+        """Velocities of tools; None for the scene's motion. Raises BadCommand."""
+        if request.program:
+            return None
+        still, grips = np.zeros(3), request.gripping
+        return checked_command(
+            {
+                name: [
+                    *request.velocities.get(name, still),
+                    *request.turning.get(name, still),
+                    *([grips[name]] if name in grips else []),
+                ]
+                for name in (request.velocities | request.turning | grips)
+            },
+            self.simulation.scene,
+        )
+
+    def _step(self, commands: Command | None, fields: bool, more: bool) -> bool:
         """Take a step with these velocities; None follows the scene's motion, unless that is over.
 
         more: another step of the same request follows.
@@ -218,18 +236,3 @@ class ClientSession:
                 f"an echo of the same {times.size} B to the same processes takes {1e6 * echo:.0f} us "
                 f"({times.overhead / echo:.2f} times)",
             )
-
-
-def _commands(request: Step) -> dict[str, list[float]] | None:
-    """Velocity and angular velocity of each tool (6,) [m/s, rad/s], or None for the scene's motion."""
-    if request.program:
-        return None
-    still, grips = np.zeros(3), request.gripping
-    return {
-        name: [
-            *request.velocities.get(name, still).tolist(),
-            *request.turning.get(name, still).tolist(),
-            *([grips[name]] if name in grips else []),
-        ]
-        for name in (request.velocities | request.turning | grips)
-    }

@@ -113,7 +113,7 @@ class NearCells:
         self._spares = near is not None and near.split == "when_cheaper" and not self._fixed
         self._spares = self._spares and (self.model, self._far_model) == (NEAR_DEFAULT, FAR_DEFAULT)
         self._coarse = SOLVERS[FAR_DEFAULT].coarse_cells(body, scene.models, tools)
-        self._alone = self._cost(np.ones(body.n_cells, dtype=np.bool_)) if self._spares else 0.0
+        self._alone = self.cost(np.ones(body.n_cells, dtype=np.bool_)) if self._spares else 0.0
         self._why = self._enough(near) if self._spares else ""
         self.reset()
 
@@ -246,7 +246,7 @@ class NearCells:
             return near, ""
         if not near.any():
             return (np.ones_like(near), self._why) if self._why else (near, "")
-        split = self._cost(near)
+        split = self.cost(near)
         if self._alone > split:
             return near, ""
         cells = f"{self.model} on all {len(near)} cells"
@@ -272,7 +272,7 @@ class NearCells:
         """Of the cells that are not near, and of those that are."""
         return self._far_model, self.model
 
-    def _cost(self, near: Mask) -> float:
+    def cost(self, near: Mask) -> float:
         """Expected cost of a step cut like this (C,) [us]."""
         parts = cut(ONLY_BODY, self._body, near, self.model, self._far_model)
         return step_cost(self._body, parts, self._models, self._dt, len(self._tools.names) > 0, self._coarse)

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.messages.outcomes import TOO_FAR_OFF, shorter
 from softseam_protocol.messages.participant import Fields
 from softseam_protocol.messages.session import ErrorEstimate
 from softseam_protocol.models import facts_of
@@ -56,8 +57,6 @@ class GoalError:
 
 Floats = NDArray[np.float64]
 
-BOUND = 0.05
-"""answer above which a run says that it is not to be trusted [1]"""
 MESH: dict[ElementKind, float] = {
     "hex27": 0.6,
     "hex27_full": 1.4,
@@ -84,8 +83,6 @@ _SLIGHT = 1e-14
 """and over shear modulus times volume: a strain of 1e-7, which rounding makes [1]"""
 _ENOUGH = 0.5
 """least share of the strain energy in cells that can be judged [1]"""
-_SHORTEST = 0.25
-"""least factor of cell edges that is advised [1]"""
 
 
 class ErrorEstimator:
@@ -201,7 +198,7 @@ class ErrorEstimator:
             return ErrorEstimate(time, mesh, model, 0.0, judged, text, False)
         parts = [f"{what} {_percent(error)}" for what, error in (("mesh", mesh), ("model", model)) if error > 0.0]
         text = f"{' and '.join(parts) or 'nothing'} in the energy norm of stress"
-        too_large = answer > BOUND
+        too_large = answer > TOO_FAR_OFF
         if too_large:
             of_mesh = MESH.get(self._element, UNMEASURED) * mesh * mesh
             text += f": {self._coarse(answer) if of_mesh > 0.5 * answer else self._otherwise(answer)}"
@@ -216,7 +213,7 @@ class ErrorEstimator:
 
     def _shorter(self, answer: float) -> str:
         """Cells that would do if e falls as their edges, as it does beside edges and clamps."""
-        body, factor = self._body, max(_SHORTEST, (BOUND / answer) ** 0.5)
+        body, factor = self._body, shorter(answer)
         assert body is not None
         if not body.boxes:
             return f"cells {factor:.2g} times as long"

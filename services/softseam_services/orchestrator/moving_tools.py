@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softseam_protocol.messages.participant import ToolMotion
+from softseam_protocol.scene.command import Command
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.build import AnyBody
 from softseam_services.orchestrator.archive import Arrays, floats
@@ -21,9 +22,6 @@ from softseam_services.tools.tool_set import ToolSet
 from softseam_services.tools.travel import beyond_middle
 
 Floats = NDArray[np.float64]
-
-_FARTHEST = 100.0
-"""way of a tool in a step beyond which nobody meant it [m]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +68,6 @@ class MovingTools:
         self._drives = Drives(scene, bodies, grips)
         self.program = Program(scene.motion, scene.step, tools, grips, self._drives.phases)
         """the scene's motion"""
-        self._particles = any(not body.has_cells for body in bodies)
         self.reset()
 
     def reset(self) -> None:
@@ -103,11 +100,10 @@ class MovingTools:
         """The closing tools where nothing is left between them, in words; '' before."""
         return self.program.met(*self.poses)
 
-    def next(self, velocities: Mapping[str, Sequence[float]] | None) -> Move:
+    def next(self, velocities: Command | None) -> Move:
         """What the tools do in the coming step: with these velocities (see `Simulation.step`), or as the scene says.
 
-        Raises StepFailed where closing tools have met that nothing else would stop, ValueError for velocities that are
-        no such thing.
+        Raises StepFailed where closing tools have met that nothing else would stop.
         """
         progress: Progress | None
         promised, self._promised, self._ahead = self._promised, None, None
@@ -130,7 +126,7 @@ class MovingTools:
         poses: tuple[Floats, Floats],
         by_hand: bool = False,
     ) -> Move:
-        motion = tool_motion(self.tools, *poses, command, self._dt)
+        motion = tool_motion(*poses, command, self._dt)
         if any(gripping.tolist()):
             motion = replace(motion, gripping=gripping.copy())
         return Move(command, motion, gripping, progress, by_hand, beyond_middle(self.tools, motion))
@@ -210,32 +206,15 @@ class MovingTools:
 
     # ---- by hand
 
-    def _commanded(self, velocities: Mapping[str, Sequence[float]]) -> tuple[Floats, NDArray[np.int8]]:
+    def _commanded(self, velocities: Command) -> tuple[Floats, NDArray[np.int8]]:
         """What tools do (t, 6) [m/s, rad/s], and 1 for those that hold particles (t,)."""
         command = np.zeros((len(self.tools.names), 6))
         gripping = self._gripping.copy()
         for name, velocity in velocities.items():
-            if name not in self.tools.names:
-                raise ValueError(f"no tool is called {name!r}; the scene has: {', '.join(self.tools.names) or 'none'}")
-            value = np.asarray(velocity, dtype=np.float64)
-            if value.shape not in ((3,), (6,), (7,)) or not np.isfinite(value).all():
-                raise ValueError(
-                    f"the velocity of {name!r} must be three finite numbers [m/s], or six with its turning [rad/s], "
-                    f"or seven with its grip (1 or 0), not {velocity!r}"
-                )
-            if np.abs(value[:3]).max() * self._dt > _FARTHEST:
-                raise ValueError(
-                    f"the velocity of {name!r} is {value.tolist()}, more than {_FARTHEST:g} m in a step: give m/s"
-                )
-            if len(value) == 7 and value[6] != 0.0 and not self._particles:
-                raise ValueError(
-                    f"the velocity of {name!r} has a grip, its seventh number: tools grip particles only, and this "
-                    "body is of cells, which friction holds: give six"
-                )
             tool = self.tools.names.index(name)
-            command[tool, : len(value[:6])] = value[:6]
-            if len(value) == 7:
-                gripping[tool] = value[6] != 0.0
+            command[tool, : len(velocity[:6])] = velocity[:6]
+            if len(velocity) == 7:
+                gripping[tool] = velocity[6] != 0.0
         return command, gripping
 
 

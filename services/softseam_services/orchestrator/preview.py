@@ -64,8 +64,8 @@ def preview(scene: Scene, bodies: Mapping[str, AnyBody], tools: ToolSet) -> Prev
             grips.begin(progress.phase, position[-1], orientation[-1])
         try:
             velocities, after = program.step(progress, position[-1], orientation[-1])
-            motion = tool_motion(tools, position[-1], orientation[-1], velocities, scene.step)
-        except (StepFailed, ValueError):  # tools meet, or turn too fast: a run says so
+            motion = tool_motion(position[-1], orientation[-1], velocities, scene.step)
+        except StepFailed:  # tools meet: a run says so
             break
         progress = after or program.after(progress, motion.position_next, motion.orientation_next, 0.0)
         if velocities.any():

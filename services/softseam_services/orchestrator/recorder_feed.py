@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError, Refused
-from softseam_protocol.messages.recording import Begin, End, Recorded
+from softseam_protocol.messages.recording import FINISH, Begin, End, Recorded
 from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.topics import Keys, topic_of
 from softseam_protocol.wire.codec import decode, encode
@@ -23,7 +23,6 @@ MOST_BYTES = 48 * 2**20
 """on their way to the recorder; it holds 64 MiB for its disk"""
 PATIENCE = 2.0
 _ANSWER = 5.0
-_FINISH = 20.0
 
 
 class RecorderFeed:
@@ -91,7 +90,7 @@ class RecorderFeed:
         self._publish(end)
         if self._following:
             try:
-                recorded = self._bus.call(self._keys.recorder, end, Recorded, _FINISH)
+                recorded = self._bus.call(self._keys.recorder, end, Recorded, FINISH)
             except ProtocolError as error:
                 self._warn("recording", f"the recorder did not confirm the end of the recording: {error}")
             self._following = False

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from softseam_protocol.scene.command import Command
 from softseam_protocol.scene.motion import ClosePhase, TurnPhase
 from softseam_protocol.scene.scene import Scene
 from softseam_protocol.scene.tools import SolidTool
@@ -89,9 +90,7 @@ def check_differentiable(scene: Scene, body: AnyBody) -> None:
             )
 
 
-def roll_out(
-    simulation: Simulation, commands: Sequence[Mapping[str, Sequence[float]]] | None, most: int | None
-) -> Rollout:
+def roll_out(simulation: Simulation, commands: Sequence[Command] | None, most: int | None) -> Rollout:
     """Run a simulation from its start, by these tool velocities step by step, or by the scene's own motion.
 
     most: steps to take of that motion, None for all. Raises NotDifferentiable, and what steps raise.

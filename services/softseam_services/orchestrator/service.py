@@ -61,7 +61,8 @@ from softseam_services.warm_up import settle, warm_orchestrator
 
 PATIENCE = 5.0
 """time in which the token of a predecessor that was killed, or is being stopped, has gone [s]"""
-_PERIOD = 0.25
+_NEWS = 0.25
+"""between looks at who has gone [s]"""
 
 
 class AlreadyServed(BusError):
@@ -79,7 +80,7 @@ def wait_to_be_only(bus: Bus, keys: Keys, stop: threading.Event) -> None:
                 f"an orchestrator serves the deployment {keys.deployment!r} at {', '.join(bus.endpoints)} already "
                 f"(instance {found}): use that one, stop it, or give this one another --deployment"
             )
-        if stop.wait(_PERIOD):
+        if stop.wait(_NEWS):
             return
 
 
@@ -104,8 +105,6 @@ _FAREWELL = 8.0
 _THREADS = 8
 _TURN = 110.0
 """longest wait of a request for the one before it in the same session [s]"""
-_NEWS = 0.5
-"""between looks at who has gone [s]"""
 _HEARD = 0.3
 """time in which it is heard that a client was killed just now [s]"""
 _GONE = "its client has gone"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from time import perf_counter
 
 import numpy as np
@@ -14,6 +14,7 @@ from softseam_protocol.messages.outcomes import Detail, EventKind
 from softseam_protocol.messages.participant import Bundle, ToolMotion
 from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, StepReport
 from softseam_protocol.participant.solver import Solver
+from softseam_protocol.scene.command import Command
 from softseam_protocol.scene.file import scene_from_bundle
 from softseam_protocol.scene.scene import SeveralBodies
 from softseam_services.body.build import AnyBody
@@ -177,17 +178,14 @@ class Simulation:
 
     # ---- stepping
 
-    def step(
-        self, velocities: Mapping[str, Sequence[float]] | None = None, fields: bool = False, more: bool = False
-    ) -> StepReport:
+    def step(self, velocities: Command | None = None, fields: bool = False, more: bool = False) -> StepReport:
         """Advance by one step of the scene.
 
-        velocities  of tools [m/s], with three more numbers also angular ones about their positions [rad/s]; tools left
-                    out stand still; a seventh makes the tool hold the particles within reach (1), or let go (0).
+        velocities  of tools, as `checked_command` gives them: they are not looked at again; tools left out stand still.
                     None follows the scene's motion.
         fields      also make a Frame of each body (see `frames`)
         more        another step of the scene's motion follows for certain: with participants on a bus it comes sooner
-        Raises StepFailed, ParticipantLost, and ValueError for velocities that are no such thing.
+        Raises StepFailed and ParticipantLost.
         """
         began, ongoing = perf_counter(), not self.done
         move = self._moving.next(velocities)

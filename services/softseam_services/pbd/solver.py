@@ -22,7 +22,7 @@ from .kernels import trust
 from .kernels.linear_correction import correct_linearly
 from .model import PbdModel, build_model
 from .parameters import build_parameters
-from .records import decode_state, encode_state, new_state
+from .records import PbdState, decode_state, encode_state, new_state
 from .step import NO_FORCES, NO_TURN, StepInputs, StepResult, StepScratch, leap_ahead, start_state, stay, step
 
 
@@ -74,6 +74,11 @@ class PbdSolver:
     def moving(self) -> tuple[float, float]:
         """Kinetic energy, and that in gravity, of the last committed step [J]."""
         return float(self.committed.monitor[trust.KINETIC]), float(self.committed.monitor[trust.GRAVITY])
+
+    @property
+    def state(self) -> PbdState:
+        """Of the last advanced step, as long as it is not taken back."""
+        return self._scratch.next if self._tentative else self.committed
 
     @property
     def positions(self) -> Floats:
@@ -216,8 +221,7 @@ class PbdSolver:
 
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
-        state = self._scratch.next if self._tentative else self.committed
-        return self._reader.read(request_header, self.parameters, state, indicators, own)
+        return self._reader.read(request_header, self.parameters, self.state, indicators, own)
 
     def snapshot(self) -> bytes:
         """Commit, then everything that the future depends on; there is no cache that could change later bits."""

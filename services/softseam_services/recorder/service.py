@@ -13,7 +13,7 @@ from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Commit, Failure
-from softseam_protocol.messages.recording import Begin, End, Recorded
+from softseam_protocol.messages.recording import FINISH, Begin, End, Recorded
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.bus_options import BusOptions, new_instance
@@ -23,7 +23,7 @@ from softseam_services.recorder.taping import Taping
 from softseam_services.recorder.whole_file import RecordError
 
 ROLE = SERVICE = "recorder"
-_DRAIN = 10.0
+_DRAIN = FINISH / 2.0
 """longest wait for messages that are still on their way when a session ends [s]"""
 _log = logging.getLogger(__name__)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError
-from softseam_protocol.messages.recording import Begin, End, Recorded
+from softseam_protocol.messages.recording import FINISH, Begin, End, Recorded
 from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
@@ -14,7 +14,7 @@ from softseam_services.recorder.recorder import McapRecorder
 
 _TELL = 0.1
 """time between looks at what to report [s]"""
-_CLOSE = 10.0
+_CLOSE = FINISH / 2.0
 """longest wait for the disk when a file is finished [s]"""
 _PATIENCE = 5.0
 """wait for a slow disk before messages are dropped [s]; meanwhile they pile up in the inbox, not in the simulation"""

@@ -6,7 +6,6 @@ from softseam_services.body.body import SAME, Body, Floats, Ints
 from softseam_services.body.errors import ToolError
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.particles import ParticleBody
-from softseam_services.body.surface_check import ROUNDING
 from softseam_services.body.units import LOOKS_LIKE
 from softseam_services.tools.kernels import least_gaps, rotate
 from softseam_services.tools.tool_set import ToolSet
@@ -99,6 +98,6 @@ def any_inside(points: Floats, triangles: Ints, probes: Floats) -> bool:
 
 def _bounds(points: Floats) -> str:
     low, high = points.min(axis=0), points.max(axis=0)
-    rounding = ROUNDING * float((high - low).max())
+    rounding = SAME * float((high - low).max())
     low, high = (np.where(np.abs(end) < rounding, 0.0, end) for end in (low, high))
     return "; ".join(f"{axis} {low[c]:.4g} .. {high[c]:.4g} m" for c, axis in enumerate("xyz"))

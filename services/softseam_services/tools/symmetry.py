@@ -12,9 +12,6 @@ from softseam_services.body.symmetry import SymmetryPlane, asymmetric, symmetry_
 from softseam_services.tools.kernels.symmetry import tool_astray
 from softseam_services.tools.tool_set import ToolSet
 
-_NOTHING = 1e-12
-"""of a way or of a turn"""
-
 
 def symmetry_axes(scene: Scene) -> tuple[int, ...]:
     """The axes that the scene says it is symmetric across, as numbers."""
@@ -69,10 +66,10 @@ def _check_motion(scene: Scene, plane: SymmetryPlane, image: NDArray[np.int32]) 
         if isinstance(phase, MovePhase):
             ways = {names.index(name): np.array(way) for name, way in phase.ways.items()}
             mirror = np.where(np.arange(3) == e, -1.0, 1.0)
-            if any(np.abs(ways[int(image[t])] - mirror * way).max() > _NOTHING for t, way in ways.items()):
+            if any(np.abs(ways[int(image[t])] - mirror * way).max() > SAME for t, way in ways.items()):
                 raise asymmetric(e, f"motion.{i} moves tools across the plane: move each as its image")
         if isinstance(phase, TurnPhase):
             across = math.hypot(*(part for axis, part in enumerate(phase.turn) if axis != e))
-            aside = phase.about is not None and abs(phase.about[e] - plane.place) > _NOTHING
-            if across > _NOTHING or aside:
+            aside = phase.about is not None and abs(phase.about[e] - plane.place) > SAME
+            if across > SAME or aside:
                 raise asymmetric(e, f"motion.{i} turns tools out of the plane: turn about its normal, at its place")
