@@ -42,7 +42,8 @@ class Between:
         counts = np.array([len(each.area) for each in all_])
         p, s, triangles = int(counts.sum()), len(all_), _ends(len(each.triangles) for each in all_)
         forces = np.array([surfaces.n_forces(surface) for surface in range(s)])[sides]
-        held = np.where((around[:, None] < 0) | (around[:, None] == [0, 1]), forces, 0)
+        patched = around[:, None] == [0, 1]
+        held = np.where((around[:, None] < 0) | patched, forces + patched, 0)  # what it has taken comes after forces
         pressing = np.where(presses > 0.0, counts[sides], 0)
         self._ends, places = np.cumsum([0, *held.ravel()]), np.cumsum([0, *pressing.ravel()])
         f, most = int(places[-1]), int(counts.max(initial=0))

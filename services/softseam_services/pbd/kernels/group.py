@@ -202,7 +202,7 @@ def _advance(members, group, touch, eights, visits, now, books, xw, inputs, dt, 
         end_guests(guests, which, 1, True)
         return
     for meeting in meetings:
-        keep_patches(patches, meeting, touch.forces[1 - now])
+        keep_patches(touch, patches, meeting, touch.forces[1 - now])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -4,9 +4,15 @@ A patch is a row of one force f on the body with the nodes that it is around, an
 the pile, and follows by nodes, or a guest. It is solved as a point of `between` is, but for its law of pressure, eq.
 (2) of `gather`, which bends.
 
-Points of curved surfaces that go otherwise than their patch come to be inside unseen, and press as the next step begins
-with more than they have taken work for: where a step begins with more force than the last one ended with, only a share
-of what is new counts, by an offset of all points of the patch.
+Points of curved surfaces that go otherwise than their patch are not seen before the next step begins: as bodies come
+near, patches press with more than their points will, as they part with less. So what a contact stores changes between
+steps without work, and might be more than it has taken. That is counted, T, and no step begins with more:
+
+    sum_i Psi_i = sum_i sum_q k_q/2 max(0, -e_q - n_i . d_i)^2 <= T,   T' = T - work along the normals            (1)
+
+Where it would, only a share of the force counts that the last step did not end with, by an offset of all points of the
+patch: bodies come nearer by that, which T takes. What patches lost unseen is kept up to `_KEPT` times what they store:
+without a bound a ball that rolls would save it for a knock.
 """
 
 import numpy as np
@@ -18,6 +24,7 @@ from .gather import (
     BEND,
     BODY,
     END,
+    ENERGY,
     FIRST,
     FORCE,
     GUEST,
@@ -35,8 +42,8 @@ from .gather import (
     STIFF,
 )
 
-_NEW = 0.1
-"""share of a force that was not there before which counts in a step [1]"""
+_KEPT = 2.0
+"""see above [1]"""
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -119,25 +126,60 @@ def begin_patches(patches, meetings, held, cold):
 
 @njit(cache=True, error_model="numpy")
 def settle_patches(touch, patches, meetings, held, xw, guests):
-    """The first substep begins at xw: where surfaces are curved with no more than what was held, and a share of what is
-    new."""
+    """The first substep begins at xw: where surfaces are curved with what was held, and of what is new with as much as
+    eq. (1) allows."""
     for meeting in meetings:
-        curved = touch.curved[touch.sides[meeting, 0]] or touch.curved[touch.sides[meeting, 1]]
+        if not (touch.curved[touch.sides[meeting, 0]] or touch.curved[touch.sides[meeting, 1]]):
+            continue
+        least = most = 0.0
+        taken = held[touch.held[meeting, touch.around[meeting], 1] - 1, 0]
         for r in range(patches.start[meeting], patches.start[meeting + 1]):
-            ints, row = patches.ints[r], patches.rows[r]
-            row[OFFSET] = 0.0
-            if not curved:
-                continue
-            x, y, z = way_between(patches, ints, xw, guests)
-            away, old = row[NORMAL] * x + row[NORMAL + 1] * y + row[NORMAL + 2] * z, 0.0
-            for c in range(3):
-                old += row[NORMAL + c] * held[ints[PLACE], c]
-            force, old = press(patches, ints, away, 0.0), max(0.0, old)
+            away, force, old = _begins_with(patches, r, held, xw, guests)
+            last = patches.ints[r, BEND] + patches.ints[r, PRESSED] - 1
+            stored = _stored(patches, last, away) if force > 0.0 else 0.0
+            most += stored
             if force > old:
-                want, to = old + _NEW * (force - old), -np.inf
-                for k in range(ints[BEND], ints[LAST_BEND]):
-                    to = max(to, -(want + patches.bend[k, LEVER]) / patches.bend[k, STIFF])
-                row[OFFSET] = to - away
+                offset, last = _offset(patches, patches.ints[r], old, away)
+                stored = _stored(patches, last, away + offset) if old > 0.0 else 0.0
+            least += stored
+        counts = 1.0 if most <= taken else max(0.0, (taken - least) / (most - least))
+        patches.taken[meeting] = min(taken, _KEPT * most)
+        for r in range(patches.start[meeting], patches.start[meeting + 1]):
+            patches.rows[r, OFFSET] = 0.0
+            if counts < 1.0:
+                away, force, old = _begins_with(patches, r, held, xw, guests)
+                if force > old:
+                    patches.rows[r, OFFSET], _ = _offset(patches, patches.ints[r], old + counts * (force - old), away)
+
+
+@njit(cache=True, error_model="numpy")
+def _begins_with(patches, r, held, xw, guests):
+    """How far a patch is from the other body [m], the force that it would begin with, and the one that was held [N]."""
+    ints, row = patches.ints[r], patches.rows[r]
+    x, y, z = way_between(patches, ints, xw, guests)
+    away, old = row[NORMAL] * x + row[NORMAL + 1] * y + row[NORMAL + 2] * z, 0.0
+    for c in range(3):
+        old += row[NORMAL + c] * held[ints[PLACE], c]
+    return away, press(patches, ints, away, 0.0), max(0.0, old)
+
+
+@njit(cache=True, error_model="numpy")
+def _offset(patches, ints, force, away):
+    """What is to be added to all e_q for a patch to press with this force [m], and the last point that is inside
+    then."""
+    to, last = -np.inf, ints[BEND]
+    for k in range(ints[BEND], ints[LAST_BEND]):
+        found = -(force + patches.bend[k, LEVER]) / patches.bend[k, STIFF]
+        if found > to:
+            to, last = found, k
+    return to - away, last
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _stored(patches, k, away):
+    """Psi of a patch [J] of which the points up to number k are inside."""
+    bend = patches.bend[k]
+    return bend[ENERGY] + bend[LEVER] * away + 0.5 * bend[STIFF] * away**2
 
 
 @njit(cache=True, error_model="numpy")
@@ -183,7 +225,7 @@ def account_patches(touch, books, patches, meeting, xw, guests, h, n_substeps):
     at = np.empty(3)
     for r in range(patches.start[meeting], patches.start[meeting + 1]):
         ints, row = patches.ints[r], patches.rows[r]
-        depth, square = 0.0, 0.0
+        depth = square = pressed = went = 0.0
         for c in range(3):
             at[c] = place_of(patches, ints, xw, guests, c)
             theirs = place_on_other(patches, ints, xw, guests, c)
@@ -191,10 +233,13 @@ def account_patches(touch, books, patches, meeting, xw, guests, h, n_substeps):
             square += f * f
             met[IMPULSE + c] += h * f if ints[BODY] == touch.pair[meeting, 0] else -h * f
             depth -= row[NORMAL + c] * (at[c] - theirs)
+            pressed += row[NORMAL + c] * f
+            went += row[NORMAL + c] * (at[c] - theirs - patches.began[r, 0, c] + patches.began[r, 1, c])
             mine, other = f * (at[c] - patches.began[r, 0, c]), -f * (theirs - patches.began[r, 1, c])
             books.work[ints[BODY]] += mine
             books.work[ints[OTHER]] += other
             met[WORK] += mine + other
+        patches.taken[meeting] -= pressed * went
         for c in range(3):
             j, k = (c + 1) % 3, (c + 2) % 3
             f, g = row[FORCE + k], row[FORCE + j]
@@ -213,8 +258,14 @@ def account_patches(touch, books, patches, meeting, xw, guests, h, n_substeps):
 
 
 @njit(cache=True, error_model="numpy")
-def keep_patches(patches, meeting, kept):
-    """kept (f, 3) [N] <- forces, as the patches of a meeting have them."""
+def keep_patches(touch, patches, meeting, kept):
+    """kept (f, 3) [N] <- forces, as the patches of a meeting have them, and after those what it has taken [J]."""
+    if not touch.visits[meeting]:
+        return
+    presses = False
     for r in range(patches.start[meeting], patches.start[meeting + 1]):
         for c in range(3):
             kept[patches.ints[r, PLACE], c] = patches.rows[r, FORCE + c]
+            presses = presses or patches.rows[r, FORCE + c] != 0.0
+    last = touch.held[meeting, touch.around[meeting], 1] - 1
+    kept[last, 0] = max(0.0, patches.taken[meeting]) if presses else 0.0
