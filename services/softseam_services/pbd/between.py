@@ -110,7 +110,7 @@ class Between:
         self._by_patches = bool((around >= 0).any())
         squares = set(sides[around == 0, 0].tolist()) | set(sides[around == 1, 1].tolist())
         met = [each if k in squares and isinstance(each, Faces) else NO_FACES for k, each in enumerate(all_[:own])]
-        guests.make_ready(m, met)
+        guests.make_ready(m, pieces.n_rows, met)
         self._dt = 1.0
         bodies = pair.ravel()
         kept_by = np.where(bodies < own, bodies, np.where(pair[:, ::-1].ravel() < own, pair[:, ::-1].ravel(), 0))

@@ -51,7 +51,18 @@ class Patches(NamedTuple):
     rows: Floats
     """(r, N_NUMBERS)"""
     began: Floats
-    """places on either body as the substep began (r, 2, 3) [m]"""
+    """places on either body as the substep began, where `known` (r, 2, 3) [m]"""
+    known: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    """(r,)"""
+    clear: Floats
+    """by how much the nodes of both bodies may go from `since`, added up, before it presses; -inf where it has, or has
+    a guest (r,) [m]"""
+    moved: Floats
+    """by how much those of a body went at most (b,) [m]"""
+    since: Floats
+    """nodes as the attempt began (n, 3) [m]"""
+    begun: Floats
+    """and as the substep did"""
     node: Ints
     """rows of the pile's xw, patch by patch"""
     weight: Floats
