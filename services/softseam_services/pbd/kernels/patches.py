@@ -17,6 +17,7 @@ without a bound a ball that rolls would save it for a knock.
 
 import numpy as np
 
+from softseam_coupling.kernels.nearest_face import LEVEL
 from softseam_services.jit import njit
 
 from .between import DEPTH, IMPULSE, LARGEST, WORK
@@ -44,8 +45,6 @@ from .gather import (
 
 _KEPT = 2.0
 """see above [1]"""
-_SURE = 1.0 - 1e-6
-"""of how clear a patch is, against rounding [1]"""
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -171,7 +170,7 @@ def _how_clear(patches, ints, row, xw, guests):
     x, y, z = way_between(patches, ints, xw, guests)
     away = row[NORMAL] * x + row[NORMAL + 1] * y + row[NORMAL + 2] * z
     gap = away + patches.bend[ints[BEND], LEVER] / patches.bend[ints[BEND], STIFF]
-    return _SURE * gap / max(mine, theirs) if gap > 0.0 else -np.inf
+    return (1.0 - LEVEL) * gap / max(mine, theirs) if gap > 0.0 else -np.inf
 
 
 @njit(cache=True, error_model="numpy")
