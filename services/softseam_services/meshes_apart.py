@@ -11,14 +11,10 @@ import numpy as np
 from softseam_protocol.scene.bodies import block_of
 from softseam_protocol.scene.repeat import repeated
 from softseam_protocol.scene.scene import Scene
-from softseam_services.body.body import Body, Floats, Ints
+from softseam_services.body.body import ALIKE, Body, Floats, Ints
 from softseam_services.body.build import AnyBody
 from softseam_services.body.errors import SettingError
 from softseam_services.body.interpolate import rest_points
-
-SLACK = 1e-3
-"""of the smaller body's extent: as deep as that surfaces of triangles may be in each other that are laid side by
-side [1]"""
 
 
 class _Surface(NamedTuple):
@@ -86,7 +82,7 @@ def _overlap(one: _Surface, other: _Surface) -> tuple[float, Floats] | None:
     """How deep a corner of either is inside the other at most [m], and by what the other is to be moved (3,) [m]."""
     x = one.x[one.corners], other.x[other.corners]
     low, high = np.maximum(x[0].min(axis=0), x[1].min(axis=0)), np.minimum(x[0].max(axis=0), x[1].max(axis=0))
-    slack = SLACK * min(float(np.ptp(each, axis=0).max()) for each in x)
+    slack = ALIKE * min(float(np.ptp(each, axis=0).max()) for each in x)
     if (high - low < slack).any():
         return None
     import igl  # a third of a second, where bodies are close by
