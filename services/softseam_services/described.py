@@ -20,6 +20,7 @@ from softseam_services.body.check import BodyCheck, check_body
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.particles import ParticleBody
 from softseam_services.checks import When, doubts, size_of
+from softseam_services.meshes_apart import check_meshes_apart
 from softseam_services.orchestrator.goal import Goal
 from softseam_services.orchestrator.grips import Grips
 from softseam_services.orchestrator.probes import Probes, share_probes
@@ -52,6 +53,7 @@ def describe(bundle: Bundle) -> dict[str, Described]:
     """Every body of a scene, by name. Raises what a run of it would raise at its start."""
     scene = scene_from_bundle(bundle)
     setups = {name: build_setup(bundle, name) for name in scene.bodies}
+    check_meshes_apart(scene, {name: setup.body for name, setup in setups.items()})
     probes = share_probes({name: setup.body for name, setup in setups.items()}, scene.probes)
     found = {}
     for name, setup in setups.items():

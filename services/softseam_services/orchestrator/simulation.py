@@ -18,6 +18,7 @@ from softseam_protocol.scene.command import Command
 from softseam_protocol.scene.file import scene_from_bundle
 from softseam_protocol.scene.scene import SeveralBodies
 from softseam_services.body.build import AnyBody
+from softseam_services.meshes_apart import check_meshes_apart
 from softseam_services.orchestrator.after_step import CHECKPOINT_STEPS, AfterStep, Taken
 from softseam_services.orchestrator.archive import ArchiveError, as_bytes, pack, unpack
 from softseam_services.orchestrator.bodies import Bodies
@@ -65,6 +66,7 @@ class Simulation:
         self.scene = scene_from_bundle(bundle)
         setups = {name: build_setup(bundle, name) for name in self.scene.bodies}
         bodies = [setup.body for setup in setups.values()]
+        check_meshes_apart(self.scene, {name: setup.body for name, setup in setups.items()})
         self.tools = next(iter(setups.values())).tools
         self._bundle, self._emit, self._participants = bundle, emit, transport
         if isinstance(transport, EmbeddedTransport):

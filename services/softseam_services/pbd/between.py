@@ -42,7 +42,8 @@ class Between:
         counts = np.array([len(each.area) for each in all_])
         p, s, triangles = int(counts.sum()), len(all_), _ends(len(each.triangles) for each in all_)
         forces = np.array([surfaces.n_forces(surface) for surface in range(s)])[sides]
-        held = np.where((around[:, None] < 0) | (around[:, None] == [0, 1]), forces, 0)
+        patched = around[:, None] == [0, 1]
+        held = np.where((around[:, None] < 0) | patched, forces + patched, 0)  # what it has taken comes after forces
         pressing = np.where(presses > 0.0, counts[sides], 0)
         self._ends, places = np.cumsum([0, *held.ravel()]), np.cumsum([0, *pressing.ravel()])
         f, most = int(places[-1]), int(counts.max(initial=0))
@@ -109,7 +110,7 @@ class Between:
         self._by_patches = bool((around >= 0).any())
         squares = set(sides[around == 0, 0].tolist()) | set(sides[around == 1, 1].tolist())
         met = [each if k in squares and isinstance(each, Faces) else NO_FACES for k, each in enumerate(all_[:own])]
-        guests.make_ready(m, met)
+        guests.make_ready(m, pieces.n_rows, met)
         self._dt = 1.0
         bodies = pair.ravel()
         kept_by = np.where(bodies < own, bodies, np.where(pair[:, ::-1].ravel() < own, pair[:, ::-1].ravel(), 0))

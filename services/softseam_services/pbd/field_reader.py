@@ -47,7 +47,7 @@ class FieldReader:
         cauchy[model.levels.coarse] = cauchy[model.levels.coarse, :1]
         tool = np.full(model.n_surface, -1, dtype=np.int32)
         if model.n_tools and model.n_surface:
-            touching = size.max(axis=1) > 0.0
+            touching = (size > 0.0).any(axis=1)
             tool[touching] = size[touching].argmax(axis=1)
         return Fields(
             header=header,
@@ -57,7 +57,7 @@ class FieldReader:
             cauchy=cauchy,
             points=region.points,
             point_x=point_x,
-            contact_force=force.sum(axis=1),
+            contact_force=np.einsum("ptc->pc", force),
             contact_tool=tool,
             cell_energy=energy,
             model_error=self._model_error(parameters, state, force, own) if indicators else np.zeros(0),

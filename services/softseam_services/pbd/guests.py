@@ -49,12 +49,15 @@ class Guests:
         self._answered: list[csr_array | None] = [None] * g  # weights with which answers were found
         self._answers = [_NONE] * g
 
-    def make_ready(self, n_meetings: int, met: Sequence[Faces]) -> None:
-        """For patches of so many meetings; met: faces of the pile's bodies, empty of those that no points press on."""
+    def make_ready(self, n_meetings: int, n_nodes: int, met: Sequence[Faces]) -> None:
+        """For patches of so many meetings, and nodes of the pile; met: faces of the pile's bodies, empty of those that
+        no points press on."""
         across = [_across(faces) for faces in met]
         ends = np.cumsum([0, *(each.size for each in across)])
         self.patches = _new_patches(
             1,
+            n_nodes,
+            self._n_own + len(self.faces),
             np.zeros(n_meetings + 1, dtype=np.int32),
             np.zeros(len(self.faces), dtype=np.int32),
             np.concatenate([np.zeros(0, np.int32), *(each.ravel() for each in across)]),
@@ -94,8 +97,10 @@ class Guests:
         """Rows were found: make their patches, which begin with forces of these (k, 3) [N], and find how they move one
         another. xw: of the pile, see `Pieces`."""
         while (n := gather_patches(touch, self.patches, xw, self._n_own, self._among, self._part)) < 0:
-            p = self.patches
-            self.patches = _new_patches(2 * len(p.ints), p.start, p.n_slots, p.across, p.first_across)
+            p, n_nodes = self.patches, len(xw)
+            self.patches = _new_patches(
+                2 * len(p.ints), n_nodes, len(p.moved), p.start, p.n_slots, p.across, p.first_across
+            )
         patches = self.patches
         slot, share = patches.slot[:n], patches.share[:n]
         for place, faces in enumerate(self.faces):
@@ -170,17 +175,26 @@ class Guests:
         self._answered = [None] * len(self._answered)
 
 
-def _new_patches(patches: int, start: Ints, n_slots: Ints, across: Ints, first_across: NDArray[np.int64]) -> Patches:
-    """Room for so many, and for the nodes and points that these may have."""
+def _new_patches(
+    patches: int, n_nodes: int, n_bodies: int, start: Ints, n_slots: Ints, across: Ints, first_across: NDArray[np.int64]
+) -> Patches:
+    """Room for so many, and for the nodes and points that these may have; of a pile of so many nodes, and bodies with
+    guests."""
     nodes, points = 64 * patches, 128 * patches
     return Patches(
         start=start,
         ints=np.zeros((patches, N_INTS), dtype=np.int32),
         rows=np.zeros((patches, N_NUMBERS)),
         began=np.zeros((patches, 2, 3)),
+        known=np.zeros(patches, dtype=np.bool_),
+        clear=np.zeros(patches),
+        moved=np.zeros(n_bodies),
+        since=np.zeros((n_nodes, 3)),
+        begun=np.zeros((n_nodes, 3)),
         node=np.zeros(nodes, dtype=np.int32),
         weight=np.zeros(nodes),
-        bend=np.zeros((points, 2)),
+        bend=np.zeros((points, 3)),
+        taken=np.zeros(len(start) - 1),
         slot=np.zeros((points, 3), dtype=np.int32),
         share=np.zeros(points),
         n_slots=n_slots,

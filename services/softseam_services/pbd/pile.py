@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -151,8 +150,7 @@ class PileSolver:
             *(self._all.results, self._all.wrenches, self._notes[:, of_pile.SWEPT], self._notes[:, of_pile.SUBSTEPS]),
             *(dissipated, between.met, self._guests.felt()),
         )
-        reply = reply_of(request.header, awake, stepped, notes, time.perf_counter() - began)
-        return replace(reply, fields=self.fields(request.header)) if request.fields else reply
+        return reply_of(request.header, awake, stepped, notes, time.perf_counter() - began)
 
     def _fit(self, dt: float) -> None:
         """Make ready for steps of dt [s]."""

@@ -34,8 +34,8 @@ NORMAL, SOFT, GIVES, RUB, FORCE, HELD, YIELDS, SLIDES, OFFSET = 0, 3, 4, 5, 6, 9
 N_NUMBERS = 15
 """n (3,) from the other to the one, alpha [m/N] across it, c/h^2 [1/kg], mu, f on the one and t_0 (3,) [N], and what
 guests add to c along n and across it, see `guests` [m/N], and what is added to all e_q, see `patches` [m]"""
-STIFF, LEVER = 0, 1
-"""of a point in eq. (2), of those so near and nearer: the sums of k_q [N/m], and of k_q e_q [N]"""
+STIFF, LEVER, ENERGY = 0, 1, 2
+"""of a point in eq. (2), of those so near and nearer: the sums of k_q [N/m], of k_q e_q [N], and of k_q e_q^2/2 [J]"""
 _MOST = 24
 """nodes that a point, or the foot of one, follows at most"""
 
@@ -51,13 +51,26 @@ class Patches(NamedTuple):
     rows: Floats
     """(r, N_NUMBERS)"""
     began: Floats
-    """places on either body as the substep began (r, 2, 3) [m]"""
+    """places on either body as the substep began, where `known` (r, 2, 3) [m]"""
+    known: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    """(r,)"""
+    clear: Floats
+    """by how much the nodes of both bodies may go from `since`, added up, before it presses; -inf where it has, or has
+    a guest (r,) [m]"""
+    moved: Floats
+    """by how much those of a body went at most (b,) [m]"""
+    since: Floats
+    """nodes as the attempt began (n, 3) [m]"""
+    begun: Floats
+    """and as the substep did"""
     node: Ints
     """rows of the pile's xw, patch by patch"""
     weight: Floats
     """and their weights, those of the other body with the opposite sign [1]"""
     bend: Floats
-    """see `STIFF`, of the points of each patch, the nearest first (l, 2)"""
+    """see `STIFF`, of the points of each patch, the nearest first (l, 3)"""
+    taken: Floats
+    """T of eq. (1) of `patches`, of each meeting (m,) [J]"""
     slot: Ints
     """guest, slot and point, counted from the first of its guest, of all points of guests that patches have (e, 3)"""
     share: Floats
@@ -227,10 +240,12 @@ def _bend(gap, stiff, first, end, mean, bend, to):
             gap[at], stiff[at] = gap[at - 1], stiff[at - 1]
             at -= 1
         gap[at], stiff[at] = g, s
-    sum_, lever = 0.0, 0.0
+    sum_ = lever = energy = 0.0
     for k in range(first, end):
-        sum_, lever = sum_ + stiff[k], lever + stiff[k] * (gap[k] - mean)
-        bend[to + k - first, STIFF], bend[to + k - first, LEVER] = sum_, lever
+        e = gap[k] - mean
+        sum_, lever, energy = sum_ + stiff[k], lever + stiff[k] * e, energy + 0.5 * stiff[k] * e * e
+        row = bend[to + k - first]
+        row[STIFF], row[LEVER], row[ENERGY] = sum_, lever, energy
 
 
 @njit(cache=True, error_model="numpy")

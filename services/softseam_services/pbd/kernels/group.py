@@ -14,7 +14,15 @@ from .contact import account_pairs, project_contacts
 from .damping import damping_share
 from .guests import begin_guests, end_guests, place_guests, project_patches, push_guests
 from .hold import soften_held_blocks
-from .patches import account_patches, begin_patches, keep_patches, open_patches, pull_patches, settle_patches
+from .patches import (
+    account_patches,
+    begin_patches,
+    clear_patches,
+    keep_patches,
+    open_patches,
+    pull_patches,
+    settle_patches,
+)
 from .pile import CAUSE, FAULT, begin_attempt, end_attempt, judge, keep_figures, substeps_and_sweeps
 from .relax import end_together, sweep_round
 from .substep import (
@@ -74,10 +82,10 @@ def _close(one, share, h, n_substeps, team):
 
 
 @njit(cache=True, error_model="numpy")
-def _open_visits(group, visits, xw, substep, n_substeps):
-    """A substep of guests begins."""
+def _open_visits(members, group, touch, visits, xw, substep, n_substeps):
+    """A substep of patches and guests begins."""
     patches, guests = visits
-    open_patches(patches, group[1], xw, guests)
+    open_patches(members, touch, patches, group[1], group[0], xw, guests)
     place_guests(guests, group[4], patches, group[1], substep, n_substeps)
 
 
@@ -97,13 +105,13 @@ def _substeps(members, group, touch, eights, visits, books, xw, inputs, dt, n_su
     bodies, meetings, first, end, _ = group
     patches, guests = visits
     h = dt / n_substeps
-    _open_visits(group, visits, xw, 0, n_substeps)
+    _open_visits(members, group, touch, visits, xw, 0, n_substeps)
     for body in bodies:
         _open(members[body], body, touch, books, xw, inputs, dt, n_substeps, n_sweeps, 0, team, ws)
     for substep in range(n_substeps):
         for round_ in range(n_sweeps + 1):
             project_rows(eights, first, end, books, xw, h * h)
-            project_patches(patches, meetings, xw, h * h, guests, n_substeps)
+            project_patches(members, touch, patches, meetings, bodies, xw, h * h, guests, n_substeps)
             for body in bodies:
                 one = members[body]
                 contacts = one.scratch.contacts
@@ -116,7 +124,7 @@ def _substeps(members, group, touch, eights, visits, books, xw, inputs, dt, n_su
         account_rows(touch, meetings, books, h)
         _close_visits(group, visits, touch, books, xw, h, n_substeps)
         if substep + 1 < n_substeps:
-            _open_visits(group, visits, xw, substep + 1, n_substeps)
+            _open_visits(members, group, touch, visits, xw, substep + 1, n_substeps)
         for body in bodies:
             one = members[body]
             share = damping_share(one.parameters.stiffness_time, one.parameters.lag, h, n_sweeps)
@@ -147,6 +155,7 @@ def _attempt(members, group, touch, eights, visits, now, books, xw, inputs, numb
     pull_patches(members, touch, patches, meetings)
     begin_guests(guests, which, patches, meetings, n_substeps)
     settle_patches(touch, patches, meetings, touch.forces[now], xw, guests)
+    clear_patches(members, touch, patches, meetings, xw, guests)
     for body in bodies:
         one = members[body]
         carried(one.model, one.parameters, one.after, one.scratch.xw, one.scratch.pull)
@@ -202,7 +211,7 @@ def _advance(members, group, touch, eights, visits, now, books, xw, inputs, dt, 
         end_guests(guests, which, 1, True)
         return
     for meeting in meetings:
-        keep_patches(patches, meeting, touch.forces[1 - now])
+        keep_patches(touch, patches, meeting, touch.forces[1 - now])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -32,15 +32,17 @@ from .gather import (
     GUEST,
     GUEST_SLOT,
     HELD,
+    MIDDLE,
     NORMAL,
     OFFSET,
+    OTHER,
     RUB,
     SLIDES,
     SLOT,
     SOFT,
     YIELDS,
 )
-from .patches import press, way_between
+from .patches import any_patches, know_begin, look_how_far, press, way_between
 
 
 @record
@@ -128,11 +130,18 @@ def place_guests(guests, which, patches, meetings, substep, n_substeps):
 
 
 @njit(cache=True, error_model="numpy")
-def project_patches(patches, meetings, xw, hh, guests, n_substeps):
+def project_patches(members, touch, patches, meetings, bodies, xw, hh, guests, n_substeps):
     """Solve patches, see `patches` and eq. (1) of `between`, one after the other; hh is the substep squared [s^2].
-    xw is moved, and guests."""
+    xw is moved, and guests. Those that are clear are passed by."""
+    if not any_patches(patches, meetings):
+        return
+    look_how_far(members, touch, patches, bodies, xw)
+    clear, moved = patches.clear, patches.moved
     for meeting in meetings:
+        one, other = touch.pair[meeting, 0], touch.pair[meeting, 1]
         for r in range(patches.start[meeting], patches.start[meeting + 1]):
+            if clear[r] > moved[one] + moved[other]:
+                continue
             ints, row = patches.ints[r], patches.rows[r]
             nx, ny, nz = row[NORMAL], row[NORMAL + 1], row[NORMAL + 2]
             fx, fy, fz = row[FORCE], row[FORCE + 1], row[FORCE + 2]
@@ -142,7 +151,11 @@ def project_patches(patches, meetings, xw, hh, guests, n_substeps):
             away = dx * nx + dy * ny + dz * nz + row[OFFSET]
             p = press(patches, ints, away - gives * old, gives)
             tx, ty, tz = 0.0, 0.0, 0.0
+            if p > 0.0:
+                clear[r] = -np.inf
             if p > 0.0 and row[RUB] > 0.0:
+                if not patches.known[r]:
+                    know_begin(patches, r, guests)
                 began = patches.began[r]
                 sx = dx - began[0, 0] + began[1, 0] + soft * (fx - row[HELD])
                 sy = dy - began[0, 1] + began[1, 1] + soft * (fy - row[HELD + 1])
@@ -158,16 +171,27 @@ def project_patches(patches, meetings, xw, hh, guests, n_substeps):
             if gx == 0.0 and gy == 0.0 and gz == 0.0:
                 continue
             row[FORCE], row[FORCE + 1], row[FORCE + 2] = fx + gx, fy + gy, fz + gz
-            for k in range(ints[FIRST], ints[END]):
-                node = patches.node[k]
-                step = hh * patches.weight[k] * xw[node, 3]
-                xw[node, 0] += step * gx
-                xw[node, 1] += step * gy
-                xw[node, 2] += step * gz
+            size = np.sqrt(gx * gx + gy * gy + gz * gz)
+            moved[ints[BODY]] += size * _shift(patches, ints[FIRST], ints[MIDDLE], xw, hh, gx, gy, gz)
+            moved[ints[OTHER]] += size * _shift(patches, ints[MIDDLE], ints[END], xw, hh, gx, gy, gz)
             if ints[SLOT] >= 0:
                 _move(guests, ints[BODY] - guests.n_own[0], ints[SLOT], 1.0 / n_substeps, gx, gy, gz)
             if ints[GUEST] >= 0:
                 _move(guests, ints[GUEST], ints[GUEST_SLOT], -1.0 / n_substeps, gx, gy, gz)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _shift(patches, first, end, xw, hh, x, y, z):
+    """Nodes give way to a change of force; by how much the one that goes farthest does [m/N]."""
+    most = 0.0
+    for k in range(first, end):
+        node = patches.node[k]
+        step = hh * patches.weight[k] * xw[node, 3]
+        xw[node, 0] += step * x
+        xw[node, 1] += step * y
+        xw[node, 2] += step * z
+        most = max(most, abs(step))
+    return most
 
 
 @njit(cache=True, error_model="numpy")
