@@ -50,6 +50,11 @@ CorrectGuests = Callable[[dict[str, Correction]], dict[str, Advanced]]
 Awake = Callable[[], Sequence[str]]
 """guests that take the step, by part; more, as one of them wakes in it"""
 
+LOOKS = 2
+"""exchanges in which the pile looks anew for what touches, where guests then go: from there on it meets them where the
+last of these had them. Faces and points that went along with each force that was found led to forces that came to no
+end, two by turns"""
+
 _NO_MATRIX, _NO_ROWS = np.zeros((0, 0)), np.zeros((0, 3))
 
 
@@ -98,6 +103,7 @@ class Hosted:
 
     def _solve(self, ask: Ask, ask_pile: AskPile, correct: CorrectGuests, awake: Awake, dt: float) -> Outcome:
         held, expected = self.force, dict[str, tuple[Floats, Floats]]()
+        ahead: dict[str, Floats] = {}
         for exchange in range(1, self._most + 1):
             found: list[Push] = []
             while not found:
@@ -105,7 +111,9 @@ class Hosted:
                 replies = ask(parts)
                 self._receive(replies, dt)
                 self._measure(replies, expected)
-                found = ask_pile([self._guest(name, replies.get(name), held[name]) for name in self.x])
+                looked = {name: reply.coupling.x for name, reply in replies.items()}
+                ahead = ahead | looked if exchange <= LOOKS else looked | ahead
+                found = ask_pile([self._guest(name, replies.get(name), held[name], ahead) for name in self.x])
                 self._sent |= dict.fromkeys(replies, True)
             felt = {name: push.force for name, push in zip(self.x, found, strict=True) if name in replies}
             pushes = {name: felt[name] - held[name] for name in felt}
@@ -128,10 +136,11 @@ class Hosted:
             held = held | felt
         return self._commit(replies, held, moves, self._most, True, NOT_CONVERGED)
 
-    def _guest(self, name: str, reply: Advanced | None, force: Floats) -> Guest:
+    def _guest(self, name: str, reply: Advanced | None, force: Floats, ahead: Mapping[str, Floats]) -> Guest:
         if reply is None:  # it sleeps
             return Guest(self.x[name])
-        return Guest(self.x[name], reply.coupling.x, force, _NO_MATRIX if self._sent[name] else self._root[name])
+        root = _NO_MATRIX if self._sent[name] else self._root[name]
+        return Guest(self.x[name], reply.coupling.x, force, root, ahead[name])
 
     def _receive(self, replies: Mapping[str, Advanced], dt: float) -> None:
         """Take how parts answer; those that cannot say, as their masses would."""

@@ -26,6 +26,8 @@ class Guest:
     root: Matrix = field(default_factory=NO_MATRIX)
     """R of how x_next answers to a force, dx/dforce = R R^T (3s, r) [(m/N)^(1/2)]; empty: the last one sent since the
     last Configure, Snapshot or Restore"""
+    x_ahead: Vectors = field(default_factory=NO_VECTORS)
+    """where they are looked for as the step ends (s, 3) [m]; empty: at x_next"""
 
 
 @message
