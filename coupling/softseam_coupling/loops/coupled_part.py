@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.interface import Interface
+from softseam_coupling.loops.loop import wider
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 __all__ = ["HARDLY", "CoupledPart", "gap_of", "laws_of", "parts_of"]
 
@@ -39,6 +41,13 @@ class CoupledPart:
     """R with Y = R R^T (3n, r); with an impedance of none Y is H_p"""
     impedance: Floats = field(default_factory=lambda: _NONE)
     """S (3n, 3n) [N/m]; empty: none"""
+    asked: Mask = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    """nodes whose answers to forces are wanted (n,): those that rows act on"""
+
+    def look_at_rows(self) -> None:
+        """Rows are others: so may be the nodes that are asked for."""
+        needed = self.rows.any(axis=0)
+        self.asked = wider(self.asked if len(self.asked) else needed, needed)
 
     def save(self) -> tuple[Floats, ...]:
         """What of it evolves, for `restore`."""
@@ -114,7 +123,10 @@ def parts_of(interfaces: tuple[Interface, ...], n_nodes: dict[str, int]) -> tupl
             rows[name][own, nodes] += sign * (np.eye(len(nodes)) if weights is None else weights)
         first = own.stop
     offset = np.concatenate([interface.offset for interface in interfaces])
-    return {name: CoupledPart(b, _sign(b)) for name, b in rows.items()}, offset
+    parts = {name: CoupledPart(b, _sign(b)) for name, b in rows.items()}
+    for part in parts.values():
+        part.look_at_rows()
+    return parts, offset
 
 
 def laws_of(interfaces: tuple[Interface, ...]) -> tuple[Floats, Floats, Floats]:

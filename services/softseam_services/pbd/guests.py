@@ -159,12 +159,14 @@ class Guests:
 
     def felt(self) -> list[Push]:
         """What acted on them in the last step; what was thought to, where the pile's step was lost."""
-        arrays, found = self.arrays, []
+        arrays, found = self.arrays, list[Push]()
         for place, weights in enumerate(self._weights):
             own = slice(*arrays.first_slot[place : place + 2])
             force = np.asarray(weights.T @ arrays.felt[own])
             lost = bool(arrays.lost[place])
-            found.append(Push(self._held[place], np.zeros(0)) if lost else Push(force, arrays.moment[place].copy()))
+            nodes = np.unique(weights.indices[weights.data != 0.0]).astype(np.int32)
+            felt = (self._held[place], np.zeros(0)) if lost else (force, arrays.moment[place].copy())
+            found.append(Push(*felt, nodes))
         return found
 
     def forget(self) -> None:
