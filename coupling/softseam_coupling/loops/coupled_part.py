@@ -97,18 +97,27 @@ class CoupledPart:
 
     def row_compliance(self) -> Floats:
         """B_p H_p B_p^T (3c, 3c) [m/N]."""
-        c, n = self.rows.shape
-        if self.root.size and not self.sign:
+        if self.sign:
+            return self.root @ self.root.T if self.root.size else self.compliance
+        found = np.zeros((3 * len(self.rows),) * 2)
+        self.add_row_compliance(found)
+        return found
+
+    def add_row_compliance(self, to: Floats) -> None:
+        """Add it to a matrix (3c, 3c), in place; of rows that do not act on the part nothing is looked at."""
+        n = self.rows.shape[1]
+        mine = np.flatnonzero(self.rows.any(axis=1))
+        c, places = len(mine), (3 * mine[:, None] + np.arange(3)).ravel()
+        where = (slice(None), slice(None)) if c == len(self.rows) else np.ix_(places, places)
+        if self.root.size:
             acted = np.flatnonzero(self.rows.any(axis=0))
             root = self.root.reshape(n, 3, -1)[acted]
-            answer = np.tensordot(self.rows[:, acted], root, axes=(1, 0)).reshape(3 * c, -1)
-            return np.asarray(answer @ answer.T)
-        h = self.root @ self.root.T if self.root.size else self.compliance
-        if self.sign:
-            return h
-        half = np.tensordot(self.rows, h.reshape(n, 3, n, 3), axes=(1, 0))
-        whole = np.tensordot(half, self.rows, axes=(2, 1))  # [c, 3, 3, d]
-        return np.ascontiguousarray(np.moveaxis(whole, 3, 2)).reshape(3 * c, 3 * c)
+            answer = np.tensordot(self.rows[np.ix_(mine, acted)], root, axes=(1, 0)).reshape(3 * c, -1)
+            to[where] += answer @ answer.T
+            return
+        half = np.tensordot(self.rows[mine], self.compliance.reshape(n, 3, n, 3), axes=(1, 0))
+        found = np.tensordot(half, self.rows[mine], axes=(2, 1))  # [c, 3, 3, d]
+        to[where] += np.moveaxis(found, 3, 2).reshape(3 * c, 3 * c)
 
 
 def parts_of(interfaces: tuple[Interface, ...], n_nodes: dict[str, int]) -> tuple[dict[str, CoupledPart], Floats]:
