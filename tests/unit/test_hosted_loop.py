@@ -22,12 +22,14 @@ class Reply:
         self.coupling = Coupled(x=np.full(NODE, x), root=root, correctable=True)
 
 
-def solve(bends: float, presses: float, exchanges: int = 16) -> tuple[Outcome, list[Guest]]:
+def solve(bends: float, presses: float, exchanges: int = 16) -> tuple[Outcome, list[Guest], list[PartRequest]]:
     """A step of a guest that answers force f by ANSWER f + bends f^2; the pile holds it where it is looked for, times
-    -presses. What came of it, and all that the pile was asked with."""
+    -presses. What came of it, and all that the pile and the guest were asked with."""
     asked: list[Guest] = []
+    requests: list[PartRequest] = []
 
     def ask(wanted: dict[str, PartRequest]) -> dict[str, Advanced]:
+        requests.append(wanted["guest"])
         force = float(wanted["guest"].force[0, 0])
         return {"guest": cast(Advanced, Reply(0.01 + ANSWER * force + bends * force**2))}
 
@@ -41,22 +43,30 @@ def solve(bends: float, presses: float, exchanges: int = 16) -> tuple[Outcome, l
         return {name: cast(Advanced, Reply(0.0)) for name in corrections}
 
     loop = Hosted({"guest": np.zeros(NODE)}, {"guest": np.ones(1)}, 1e-9, 1.0, exchanges)
-    return loop.solve(ask, ask_pile, correct, lambda: ["guest"], 0.01), asked
+    return loop.solve(ask, ask_pile, correct, lambda: ["guest"], 0.01), asked, requests
 
 
 @pytest.mark.kernels
 @pytest.mark.parametrize("presses", [0.0, 0.9, 1.0])
 def test_forces_settle_where_the_pile_finds_others_whenever_the_guest_goes_elsewhere(presses: float) -> None:
     """With faces and points looked for in each exchange, presses = 1 has the guest's places go by turns."""
-    outcome, asked = solve(bends=20.0, presses=presses)
+    outcome, asked, _ = solve(bends=20.0, presses=presses)
     assert not outcome.note
     assert len(asked) <= 8
 
 
 @pytest.mark.kernels
 def test_the_pile_looks_for_guests_where_they_go_twice() -> None:
-    _, asked = solve(bends=20.0, presses=1.0)
+    _, asked, _ = solve(bends=20.0, presses=1.0)
     assert len(asked) > LOOKS
     for number, guest in enumerate(asked):
         looked = asked[min(number, LOOKS - 1)]
         np.testing.assert_array_equal(guest.x_ahead, looked.x_next)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(("bends", "times"), [(0.0, 0), (20.0, 0), (300.0, 1)])
+def test_a_guest_that_goes_otherwise_finds_its_answer_anew_once(bends: float, times: int) -> None:
+    _, _, requests = solve(bends=bends, presses=0.0)
+    assert [request.renew for request in requests].count(True) == times
+    assert not any(request.renew for request in requests[:2])

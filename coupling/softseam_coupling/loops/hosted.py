@@ -22,6 +22,7 @@ from softseam_coupling.loops.doubt import (
     EXACT,
     FIRST_DOUBT,
     FORCE_EXCHANGES,
+    STALE,
     UNCORRECTED,
     grown,
     is_force_known,
@@ -110,13 +111,15 @@ class Hosted:
     def _solve(self, ask: Ask, ask_pile: AskPile, correct: CorrectGuests, awake: Awake, dt: float) -> Outcome:
         held, expected = self.force, dict[str, Expected]()
         ahead: dict[str, Floats] = {}
+        stale, renewed = set[str](), set[str]()  # guests who do not go by their answers, and find these anew; that did
         for exchange in range(1, self._most + 1):
             found: list[Push] = []
             while not found:
-                parts = {name: self._request(name, held[name]) for name in awake()}
+                parts = {name: self._request(name, held[name], name in stale) for name in awake()}
                 replies = ask(parts)
                 self._receive(replies, dt)
                 self._measure(replies, expected)
+                renewed, stale = renewed | stale, set()
                 looked = {name: reply.coupling.x for name, reply in replies.items()}
                 ahead = ahead | looked if exchange <= LOOKS else looked | ahead
                 found = ask_pile([self._guest(name, replies.get(name), held[name], ahead) for name in self.x])
@@ -142,6 +145,7 @@ class Hosted:
                 return self._commit(replies, held, moves, exchange, bool(expected))
             expected = {name: (replies[name].coupling.x + moves[name], moves[name], self._asked[name]) for name in felt}
             held = held | felt
+            stale = {name for name in felt if exchange > 1 and self._kappa[name] > STALE} - renewed
         return self._commit(replies, held, moves, self._most, True, NOT_CONVERGED)
 
     def _guest(self, name: str, reply: Advanced | None, force: Floats, ahead: Mapping[str, Floats]) -> Guest:
@@ -150,9 +154,9 @@ class Hosted:
         root = _NO_MATRIX if self._sent[name] else self._root[name]
         return Guest(self.x[name], reply.coupling.x, force, root, ahead[name])
 
-    def _request(self, name: str, force: Floats) -> PartRequest:
+    def _request(self, name: str, force: Floats, renew: bool) -> PartRequest:
         asked = np.flatnonzero(self._asked[name]).astype(np.int32)
-        return PartRequest(force, repeat=not self._root[name].size, asked=asked)
+        return PartRequest(force, renew, not self._root[name].size, asked=asked)
 
     def _lacks(self, found: list[Push], replies: Mapping[str, Advanced]) -> bool:
         """Whether the pile met guests at nodes whose answers it does not know; they are asked for from now on."""
