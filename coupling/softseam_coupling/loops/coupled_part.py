@@ -46,7 +46,7 @@ class CoupledPart:
 
     def look_at_rows(self) -> None:
         """Rows are others: so may be the nodes that are asked for."""
-        needed = self.rows.any(axis=0)
+        needed: Mask = np.asarray(self.rows.any(axis=0))
         self.asked = wider(self.asked if len(self.asked) else needed, needed)
 
     def save(self) -> tuple[Floats, ...]:

@@ -99,7 +99,7 @@ class Unilateral:
         n = len(self._taken)
         half = np.matmul(self._directions, w.reshape(n // 3, 3, n)).reshape(n, n)
         whole = np.matmul(self._directions, half.T.reshape(n // 3, 3, n)).reshape(n, n)
-        return whole if self._taken.all() else whole[np.ix_(self._taken, self._taken)]
+        return np.asarray(whole if self._taken.all() else whole[np.ix_(self._taken, self._taken)])
 
     def _press(self, matrix: Floats, right: Floats) -> tuple[Floats, bool]:
         """The unknowns without friction (m,), and whether the active sets settled."""

@@ -165,8 +165,8 @@ class Guests:
             force = np.asarray(weights.T @ arrays.felt[own])
             lost = bool(arrays.lost[place])
             nodes = np.unique(weights.indices[weights.data != 0.0]).astype(np.int32)
-            felt = (self._held[place], np.zeros(0)) if lost else (force, arrays.moment[place].copy())
-            found.append(Push(*felt, nodes))
+            moment = np.zeros(0) if lost else arrays.moment[place].copy()
+            found.append(Push(self._held[place] if lost else force, moment, nodes))
         return found
 
     def forget(self) -> None:
