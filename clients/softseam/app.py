@@ -64,7 +64,11 @@ def _list_after(own: str) -> None:
 def run(
     scene: SceneArgument,
     model: Annotated[
-        Model | None, typer.Option(help="Simulate with FEM alone, PBD alone, or both, whatever the scene says.")
+        Model | None,
+        typer.Option(
+            help="Simulate with FEM alone, PBD alone, or both, whatever the scene says; several bodies each with that "
+            "model, or, as hybrid, with the model and cells that are right for it."
+        ),
     ] = None,
     record: Annotated[Path | None, typer.Option(metavar="FILE", help="Record to this .mcap file.")] = None,
     report: Annotated[

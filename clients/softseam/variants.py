@@ -30,14 +30,14 @@ def with_model(scene: Scene, model: Model) -> Scene:
 
     Hybrid is FEM where the scene's near region says so; of a scene that has none, in cells within half a cell of the
     tools that move, of all where none does. It is refused where there are no tools, or no cells whose size is known.
+
+    Of several bodies each has the model alone, and hybrid is the model and the cells that are right for each block
+    (docs/results/front.md), whatever the scene says of it; other shapes keep what it says.
     """
     if model not in models():
         raise BadInput(f"no model is called {model!r}; there are: {', '.join(models())}")
     if len(scene.bodies) > 1:
-        raise BadInput(
-            f"the scene {scene.name!r} has several bodies, each with its own model: say regions.default of each, "
-            f"e.g. --set bodies.{next(iter(scene.bodies))}.regions={{default: fem}}"
-        )
+        return _each_with(scene, model)
     moving, body = taking("particles"), scene.body
     if model not in moving and not body.has_cells:
         raise BadInput(
@@ -50,6 +50,28 @@ def with_model(scene: Scene, model: Model) -> Scene:
         return scene.model_copy(update={"regions": scene.regions.always_cut})
     symmetry = scene.symmetry if MODELS[model].one_side else ()
     return scene.model_copy(update={"regions": RegionsSpec(default=model), "symmetry": symmetry})
+
+
+def _each_with(scene: Scene, model: Model) -> Scene:
+    """Of several bodies."""
+    moving, settings = taking("particles"), []
+    for name, body in scene.many.items():
+        key, block = f"bodies.{name}", block_of(body)
+        if model == HYBRID:
+            settings += [] if block is None else [f"{key}.regions={{}}"]
+            settings += [] if block is None or block.shape.graded else [f"{key}.cell=null"]
+        elif body.has_cells or (model in moving and body.usual_model != model):
+            settings.append(f"{key}.regions={{default: {model}}}")
+        elif model not in moving:
+            raise BadInput(
+                f"the scene {scene.name!r} has {name!r}, a {body.kind}, which is made of particles: only "
+                f"{' and '.join(moving)} moves it; say regions.default of the others, "
+                f"e.g. --set bodies.NAME.regions={{default: {model}}}"
+            )
+    try:
+        return changed(scene, settings)
+    except SceneError as error:
+        raise BadInput(f"the scene {scene.name!r} cannot have --model {model}: {refusal(error)}") from None
 
 
 def _cut_near_tools(scene: Scene, body: AnyBody) -> Scene:

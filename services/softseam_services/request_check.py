@@ -24,6 +24,9 @@ def problem_of(request: Advance, n_tools: int, n_seam: int) -> str:
         return f"the seam force at the step's start has shape {start.shape}, this region's seam needs ({n_seam}, 3)"
     if len(start) and len(request.coupling_target):
         return "a seam force that is linear in time beside an anchor: send one of the two"
+    asked = request.coupling_asked
+    if len(asked) and (asked[0] < 0 or asked[-1] >= n_seam or (np.diff(asked) <= 0).any()):
+        return f"the nodes whose answers are asked for are no ascending places among {n_seam} coupling nodes"
     if request.turn.shape not in ((0,), (22,)) or not np.isfinite(request.turn).all():
         return "the turn of the whole body is 22 finite numbers, or none"
     if not all_finite(*poses, force) or (len(start) and not np.isfinite(start).all()):

@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 from cubes import EDGE, tray
 
+from softseam.errors import BadInput
+from softseam.variants import with_model
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.scene.scene import Scene
 from softseam_services.server import Setup, build_setup
@@ -65,3 +67,37 @@ def test_what_a_plate_comes_down_on_is_taken() -> None:
     two = Scene.model_validate({**made, "bodies": {name: bodies[name] for name in ("two", "three")}})
     for other in (still, apart, two):
         assert setup(other, "three").body.n_cells == 27
+
+
+@pytest.mark.parametrize("model", ["fem", "pbd"])
+def test_a_model_is_forced_on_every_body(model: str) -> None:
+    """Also on copies and on bodies that name another, in the cells that the scene gives."""
+    of = with_model(tray(2, "bodies.picked.regions={default: fem}", "bodies.cube.cell=0.025"), model)
+    assert {each.regions.default for each in of.bodies.values() if each.regions} == {model}
+    assert len(of.bodies) == 9
+    assert setup(of, "cube_0_1_0").scene.regions.default == setup(of, "picked").scene.regions.default == model
+    assert setup(of, "cube_0_1_0").body.n_cells == 8
+
+
+def test_hybrid_chooses_model_and_cells_of_each_body() -> None:
+    """As of a scene that says neither."""
+    of = tray(2, "bodies.picked.material.young=2e6", "bodies.cube.cell=0.0125", "regions={default: fem}")
+    picked, cube = (setup(with_model(of, "hybrid"), name) for name in ("picked", "cube_0_0_1"))
+    assert (picked.scene.regions.default, picked.body.n_cells) == ("fem", 64)
+    assert (cube.scene.regions.default, cube.body.n_cells) == ("pbd", 8)
+    assert "left and right take picked" in cube.why
+
+
+SHEET = {"kind": "sheet", "size": [0.1, 0.1], "divisions": [4, 4], "density": 0.2, "stretch": 1000.0}
+
+
+def test_only_a_body_that_cannot_have_a_model_refuses_it() -> None:
+    """A sheet is made of particles."""
+    bodies = {"block": CUBE, "cloth": SHEET}
+    of = Scene.model_validate({"softseam": 1, "name": "both", "duration": 0.1, "bodies": bodies})
+    with pytest.raises(BadInput, match="'cloth', a sheet, which is made of particles: only pbd moves it"):
+        with_model(of, "fem")
+    for model in ("pbd", "hybrid"):
+        found = with_model(of, model)
+        assert found.bodies["cloth"] == of.bodies["cloth"]
+    assert with_model(of, "pbd").of("block").regions.default == "pbd"

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from softseam_services.body.build import build_body
 from softseam_services.body.region import build_region, shared_nodes
+from softseam_services.fem.answers import root_of
 from softseam_services.fem.kernels.cells import add_cell_tangents
 from softseam_services.fem.kernels.fronts import add_diagonal, factor, seam_inverse, solve
 from softseam_services.fem.model import FemModel
@@ -91,6 +92,20 @@ def test_last_fronts_hold_the_seam(case: str) -> None:
     dofs = (3 * tree.position[model.seam][:, None] + np.arange(3)).ravel()
     expected = np.linalg.inv(dense)[np.ix_(dofs, dofs)]
     np.testing.assert_allclose(inverse, expected, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("n_asked", [1, 5, 17])
+def test_nodes_anywhere_answer_by_rows_of_the_inverse(case: str, n_asked: int) -> None:
+    """Also where more are asked for than there are unknowns below them, in any order."""
+    model, _, work, dense = _problem(case)
+    tree, free = model.tree, np.flatnonzero(model.tree.position >= 0).astype(np.int32)
+    assert factor(tree, work.values, work.factoring) == 0
+    nodes = np.random.default_rng(n_asked).permutation(free)[:n_asked]
+    root = root_of(model._replace(seam=nodes), work, np.arange(n_asked, dtype=np.int32))
+    dofs = (3 * tree.position[nodes][:, None] + np.arange(3)).ravel()
+    expected = np.linalg.inv(dense)[np.ix_(dofs, dofs)]
+    np.testing.assert_allclose(root @ root.T, expected, atol=1e-9 * np.abs(expected).max())
 
 
 def test_every_free_node_is_eliminated_once() -> None:

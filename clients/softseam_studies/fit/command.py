@@ -33,6 +33,8 @@ def fit_scene(wishes: Fit, console: Console) -> Answer:
     if wishes.out is not None:
         check_ending("--out", wishes.out, ".yaml", "a scene")
         check_outputs([("--out", wishes.out)], inputs={**inputs_of(wishes.scene), "the curve": wishes.curve})
+    if len(given.bodies) > 1:
+        raise BadInput(f"the scene {given.name!r} has several bodies, and a curve is fitted to one: fit it alone")
     scene = with_model(with_settings(given, (*wishes.settings, *AS_GIVEN)), REFERENCE)
     bundle = bundle_with(scene, bundle, wishes.scene, wishes.settings)
     numbers = numbers_of(scene, wishes.find)

@@ -165,7 +165,7 @@ class Closure:
         w = np.diag(np.repeat(self._compliance, 3))
         free = gap
         for name, part in self._parts.items():
-            w += part.row_compliance()
+            part.add_row_compliance(w)
             free = free - part.to_rows(part.move(acted[name]))
         w.flat[:: len(w) + 1] += HARDLY * np.trace(w) / len(w)
         multipliers = unilateral.solve(w, free, first)

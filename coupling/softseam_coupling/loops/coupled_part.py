@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.interface import Interface
+from softseam_coupling.loops.loop import wider
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 __all__ = ["HARDLY", "CoupledPart", "gap_of", "laws_of", "parts_of"]
 
@@ -39,6 +41,13 @@ class CoupledPart:
     """R with Y = R R^T (3n, r); with an impedance of none Y is H_p"""
     impedance: Floats = field(default_factory=lambda: _NONE)
     """S (3n, 3n) [N/m]; empty: none"""
+    asked: Mask = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    """nodes whose answers to forces are wanted (n,): those that rows act on"""
+
+    def look_at_rows(self) -> None:
+        """Rows are others: so may be the nodes that are asked for."""
+        needed: Mask = np.asarray(self.rows.any(axis=0))
+        self.asked = wider(self.asked if len(self.asked) else needed, needed)
 
     def save(self) -> tuple[Floats, ...]:
         """What of it evolves, for `restore`."""
@@ -88,18 +97,27 @@ class CoupledPart:
 
     def row_compliance(self) -> Floats:
         """B_p H_p B_p^T (3c, 3c) [m/N]."""
-        c, n = self.rows.shape
-        if self.root.size and not self.sign:
+        if self.sign:
+            return self.root @ self.root.T if self.root.size else self.compliance
+        found = np.zeros((3 * len(self.rows),) * 2)
+        self.add_row_compliance(found)
+        return found
+
+    def add_row_compliance(self, to: Floats) -> None:
+        """Add it to a matrix (3c, 3c), in place; of rows that do not act on the part nothing is looked at."""
+        n = self.rows.shape[1]
+        mine = np.flatnonzero(self.rows.any(axis=1))
+        c, places = len(mine), (3 * mine[:, None] + np.arange(3)).ravel()
+        where = (slice(None), slice(None)) if c == len(self.rows) else np.ix_(places, places)
+        if self.root.size:
             acted = np.flatnonzero(self.rows.any(axis=0))
             root = self.root.reshape(n, 3, -1)[acted]
-            answer = np.tensordot(self.rows[:, acted], root, axes=(1, 0)).reshape(3 * c, -1)
-            return np.asarray(answer @ answer.T)
-        h = self.root @ self.root.T if self.root.size else self.compliance
-        if self.sign:
-            return h
-        half = np.tensordot(self.rows, h.reshape(n, 3, n, 3), axes=(1, 0))
-        whole = np.tensordot(half, self.rows, axes=(2, 1))  # [c, 3, 3, d]
-        return np.ascontiguousarray(np.moveaxis(whole, 3, 2)).reshape(3 * c, 3 * c)
+            answer = np.tensordot(self.rows[np.ix_(mine, acted)], root, axes=(1, 0)).reshape(3 * c, -1)
+            to[where] += answer @ answer.T
+            return
+        half = np.tensordot(self.rows[mine], self.compliance.reshape(n, 3, n, 3), axes=(1, 0))
+        found = np.tensordot(half, self.rows[mine], axes=(2, 1))  # [c, 3, 3, d]
+        to[where] += np.moveaxis(found, 3, 2).reshape(3 * c, 3 * c)
 
 
 def parts_of(interfaces: tuple[Interface, ...], n_nodes: dict[str, int]) -> tuple[dict[str, CoupledPart], Floats]:
@@ -114,7 +132,10 @@ def parts_of(interfaces: tuple[Interface, ...], n_nodes: dict[str, int]) -> tupl
             rows[name][own, nodes] += sign * (np.eye(len(nodes)) if weights is None else weights)
         first = own.stop
     offset = np.concatenate([interface.offset for interface in interfaces])
-    return {name: CoupledPart(b, _sign(b)) for name, b in rows.items()}, offset
+    parts = {name: CoupledPart(b, _sign(b)) for name, b in rows.items()}
+    for part in parts.values():
+        part.look_at_rows()
+    return parts, offset
 
 
 def laws_of(interfaces: tuple[Interface, ...]) -> tuple[Floats, Floats, Floats]:

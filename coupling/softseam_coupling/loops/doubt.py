@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +17,7 @@ __all__ = [
     "FORCE_EXCHANGES",
     "STALE",
     "UNCORRECTED",
+    "Linearity",
     "grown",
     "is_force_known",
     "is_linear_enough",
@@ -37,6 +40,41 @@ EXACT = 1e-8
 stand for no force [1]"""
 UNCORRECTED = 0.5
 """share of the tolerance within which parts agree that cannot be corrected: their gap stays, and does work [1]"""
+
+
+_LEAST_AGE = 24
+"""a part's compliance is found anew after a step that was redone, where it is `STALE` and so old"""
+
+
+@dataclass(slots=True)
+class Linearity:
+    """How far a part's linear answer is what it would do; all of it evolves."""
+
+    kappa: float = FIRST_DOUBT
+    n_contacts: int = 0
+    """at the end of the last step"""
+    age: int = 0
+    """steps since it reported its compliance"""
+    renew: bool = True
+    """whether its compliance is to be found anew"""
+    repeat: bool = False
+    """whether it is to report the compliance at hand again"""
+    least_age: int = _LEAST_AGE
+    """steps that its compliance serves at least; doubled where it is found anew for its age"""
+
+    def save(self) -> tuple[float, int, int, bool, bool, int]:
+        """All of it."""
+        return self.kappa, self.n_contacts, self.age, self.renew, self.repeat, self.least_age
+
+    def to_array(self) -> Floats:
+        """All of it."""
+        return np.array(self.save(), dtype=np.float64)
+
+    @classmethod
+    def of(cls, array: Floats) -> Linearity:
+        """From `to_array`."""
+        kappa, n_contacts, age, renew, repeat, least_age = array.tolist()
+        return cls(kappa, int(n_contacts), int(age), bool(renew), bool(repeat), int(least_age))
 
 
 def grown(kappa: float) -> float:

@@ -22,6 +22,7 @@ from softseam_coupling.loops.doubt import (
     EXACT,
     FIRST_DOUBT,
     FORCE_EXCHANGES,
+    STALE,
     UNCORRECTED,
     grown,
     is_force_known,
@@ -35,6 +36,8 @@ from softseam_coupling.loops.loop import (
     PartRequest,
     StepDiverged,
     largest,
+    spread_over,
+    wider,
 )
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.pile import Guest, Push
@@ -50,6 +53,13 @@ CorrectGuests = Callable[[dict[str, Correction]], dict[str, Advanced]]
 Awake = Callable[[], Sequence[str]]
 """guests that take the step, by part; more, as one of them wakes in it"""
 
+LOOKS = 2
+"""exchanges in which the pile looks anew for what touches, where guests then go: from there on it meets them where the
+last of these had them. Faces and points that went along with each force that was found led to forces that came to no
+end, two by turns"""
+
+Expected = tuple[Floats, Floats, NDArray[np.bool_]]
+"""of a guest whose step is redone: where its nodes go, by linear moves (n, 3) [m], of those of which these are known"""
 _NO_MATRIX, _NO_ROWS = np.zeros((0, 0)), np.zeros((0, 3))
 
 
@@ -77,6 +87,8 @@ class Hosted:
         self.force = {name: np.zeros_like(own) for name, own in x.items()}
         """that they felt in the last step (n, 3) [N]"""
         self._kappa = dict.fromkeys(x, FIRST_DOUBT)
+        self._asked = {name: np.arange(len(own)) == 0 for name, own in x.items()}
+        """nodes whose answers to forces guests are asked for, by part (n,): one at least"""
         self._root: dict[str, Floats] = dict.fromkeys(x, _NO_MATRIX)
         self._sent: dict[str, bool] = dict.fromkeys(x, False)
 
@@ -88,25 +100,32 @@ class Hosted:
     def solve(self, ask: Ask, ask_pile: AskPile, correct: CorrectGuests, awake: Awake, dt: float) -> Outcome:
         """Take a step of dt [s]; the replies of guests that are awake. Raises StepDiverged. A step that fails changes
         nothing but what was learned of how guests answer."""
-        kappa = dict(self._kappa)
+        kappa, asked = dict(self._kappa), dict(self._asked)
         try:
             return self._solve(ask, ask_pile, correct, awake, dt)
         except BaseException:
-            self._kappa = kappa
+            self._kappa, self._asked = kappa, asked
             self.forget_sent()
             raise
 
     def _solve(self, ask: Ask, ask_pile: AskPile, correct: CorrectGuests, awake: Awake, dt: float) -> Outcome:
-        held, expected = self.force, dict[str, tuple[Floats, Floats]]()
+        held, expected = self.force, dict[str, Expected]()
+        ahead: dict[str, Floats] = {}
+        stale, renewed = set[str](), set[str]()  # guests who do not go by their answers, and find these anew; that did
         for exchange in range(1, self._most + 1):
             found: list[Push] = []
             while not found:
-                parts = {name: PartRequest(held[name], repeat=not self._root[name].size) for name in awake()}
+                parts = {name: self._request(name, held[name], name in stale) for name in awake()}
                 replies = ask(parts)
                 self._receive(replies, dt)
                 self._measure(replies, expected)
-                found = ask_pile([self._guest(name, replies.get(name), held[name]) for name in self.x])
+                renewed, stale = renewed | stale, set()
+                looked = {name: reply.coupling.x for name, reply in replies.items()}
+                ahead = ahead | looked if exchange <= LOOKS else looked | ahead
+                found = ask_pile([self._guest(name, replies.get(name), held[name], ahead) for name in self.x])
                 self._sent |= dict.fromkeys(replies, True)
+                if found and self._lacks(found, replies):  # the same step, of which the pile is to know more
+                    found = []
             felt = {name: push.force for name, push in zip(self.x, found, strict=True) if name in replies}
             pushes = {name: felt[name] - held[name] for name in felt}
             moves = {name: self._answer(name, push) for name, push in pushes.items()}
@@ -124,21 +143,40 @@ class Hosted:
                 return self._commit(replies, felt, moves, exchange, bool(expected))
             if not corrects and not any(largest(move) > UNCORRECTED * self._tolerance for move in moves.values()):
                 return self._commit(replies, held, moves, exchange, bool(expected))
-            expected = {name: (replies[name].coupling.x + moves[name], moves[name]) for name in felt}
+            expected = {name: (replies[name].coupling.x + moves[name], moves[name], self._asked[name]) for name in felt}
             held = held | felt
+            stale = {name for name in felt if exchange > 1 and self._kappa[name] > STALE} - renewed
         return self._commit(replies, held, moves, self._most, True, NOT_CONVERGED)
 
-    def _guest(self, name: str, reply: Advanced | None, force: Floats) -> Guest:
+    def _guest(self, name: str, reply: Advanced | None, force: Floats, ahead: Mapping[str, Floats]) -> Guest:
         if reply is None:  # it sleeps
             return Guest(self.x[name])
-        return Guest(self.x[name], reply.coupling.x, force, _NO_MATRIX if self._sent[name] else self._root[name])
+        root = _NO_MATRIX if self._sent[name] else self._root[name]
+        return Guest(self.x[name], reply.coupling.x, force, root, ahead[name])
+
+    def _request(self, name: str, force: Floats, renew: bool) -> PartRequest:
+        asked = np.flatnonzero(self._asked[name]).astype(np.int32)
+        return PartRequest(force, renew, not self._root[name].size, asked=asked)
+
+    def _lacks(self, found: list[Push], replies: Mapping[str, Advanced]) -> bool:
+        """Whether the pile met guests at nodes whose answers it does not know; they are asked for from now on."""
+        lacks = False
+        for (name, asked), push in zip(self._asked.items(), found, strict=True):
+            needed = np.zeros_like(asked)
+            needed[push.nodes] = True
+            if name in replies and (needed & ~asked).any():
+                self._asked[name], lacks = needed | asked, True
+            elif needed.any():
+                self._asked[name] = wider(asked, needed)
+        return lacks
 
     def _receive(self, replies: Mapping[str, Advanced], dt: float) -> None:
         """Take how parts answer; those that cannot say, as their masses would."""
         for name, reply in replies.items():
             root = reply.coupling.root
             if root.size and np.isfinite(root).all():
-                self._root[name], self._sent[name] = root, False
+                asked = np.flatnonzero(self._asked[name]).astype(np.int32)
+                self._root[name], self._sent[name] = spread_over(root, asked, len(self.x[name])), False
             elif not self._root[name].size:
                 self._root[name] = np.diag(np.sqrt(dt * dt * np.repeat(self._mobility[name], 3)))
 
@@ -146,12 +184,12 @@ class Hosted:
         root = self._root[name]
         return np.asarray((root @ (root.T @ push.reshape(-1))).reshape(-1, 3))
 
-    def _measure(self, replies: Mapping[str, Advanced], expected: Mapping[str, tuple[Floats, Floats]]) -> None:
-        """A step was redone: compare where guests went with their linear answers."""
-        for name, (place, move) in expected.items():
+    def _measure(self, replies: Mapping[str, Advanced], expected: Mapping[str, Expected]) -> None:
+        """A step was redone: compare where guests went with their linear answers, at the nodes that these are of."""
+        for name, (place, move, known) in expected.items():
             went = largest(move)
             if went > EXACT * self._tolerance:
-                self._kappa[name] = largest(replies[name].coupling.x - place) / went
+                self._kappa[name] = largest((replies[name].coupling.x - place)[known]) / went
 
     def _are_known(
         self, moves: Mapping[str, Floats], pushes: Mapping[str, Floats], felt: Mapping[str, Floats], exchange: int
@@ -185,6 +223,7 @@ class Hosted:
         """Everything that evolves, but what the parts report anew, for a snapshot."""
         arrays = {f"x.{name}": x for name, x in self.x.items()}
         arrays |= {f"force.{name}": force for name, force in self.force.items()}
+        arrays |= {f"asked.{name}": asked.astype(np.float64) for name, asked in self._asked.items()}
         return arrays | {f"kappa.{name}": np.array([kappa]) for name, kappa in self._kappa.items()}
 
     def take(self, arrays: Mapping[str, Floats]) -> None:
@@ -192,8 +231,11 @@ class Hosted:
         for name, x in self.x.items():
             if arrays[f"x.{name}"].shape != x.shape or arrays[f"force.{name}"].shape != x.shape:
                 raise ValueError(f"the saved guests have no {len(x)} nodes of {name!r}")
+            if arrays[f"asked.{name}"].shape != (len(x),):
+                raise ValueError(f"the saved guests do not say which of {len(x)} nodes of {name!r} are met")
         kappa = {name: float(arrays[f"kappa.{name}"][0]) for name in self.x}
         self.x = {name: np.array(arrays[f"x.{name}"]) for name in self.x}
         self.force = {name: np.array(arrays[f"force.{name}"]) for name in self.x}
+        self._asked = {name: arrays[f"asked.{name}"] > 0.0 for name in self.x}
         self._kappa = kappa
         self.forget_sent()

@@ -17,6 +17,8 @@ from softseam_coupling.kernels.largest_node import largest_node
 from softseam_protocol.messages.participant import Advanced, Capabilities
 
 Floats = NDArray[np.float64]
+Ids = NDArray[np.int32]
+Mask = NDArray[np.bool_]
 
 __all__ = [
     "Ask",
@@ -32,6 +34,8 @@ __all__ = [
     "Unsuited",
     "ask_compliance_of",
     "largest",
+    "spread_over",
+    "wider",
 ]
 
 
@@ -51,6 +55,8 @@ class PartRequest:
     """theirs (3n, 3n) [N/m]; None: as sent before"""
     start: Floats | None = None
     """force at the step's start, from which it goes to `force` linearly in time (n, 3) [N]; None: it is constant"""
+    asked: Ids | None = None
+    """places among its coupling nodes of those whose answers to forces are wanted (a,); None: all"""
     last: bool = True
     """whether this may be the state that is committed: not where it is likely to be corrected"""
 
@@ -91,6 +97,8 @@ class Outcome:
     """shorter steps that it was taken in"""
 
 
+MOST_ASKED = 2
+"""times as many nodes as are needed that are asked for before those that are needed no more are left out [1]"""
 NOT_CONVERGED = "the sides' exchanges did not converge"
 """note of a step that is kept as it is after the most exchanges"""
 
@@ -168,6 +176,25 @@ class Loop(Protocol):
 
     def take(self, arrays: Mapping[str, Floats]) -> None:
         """Continue from `to_arrays`. Raises KeyError or ValueError where these are of others."""
+
+
+def spread_over(root: Floats, asked: Ids | None, n_nodes: int) -> Floats:
+    """A root R as a part answered, of all of its coupling nodes (3n, r), where it may be of those alone that were asked
+    for (3a, r): the others are taken to stay."""
+    if asked is None or len(root) != 3 * len(asked):
+        return root
+    found = np.zeros((n_nodes, 3, root.shape[1]))
+    found[asked] = root.reshape(len(asked), 3, -1)
+    return found.reshape(3 * n_nodes, -1)
+
+
+def wider(asked: Mask, needed: Mask) -> Mask:
+    """Nodes to ask for (n,), one at least, where these were (n,) and those are needed (n,): the same as long as it
+    serves."""
+    if not needed.any():
+        return asked if asked.any() else np.arange(len(asked)) == 0
+    serves = not (needed & ~asked).any() and asked.sum() <= MOST_ASKED * needed.sum()
+    return asked if serves else needed
 
 
 def largest(vectors: Floats) -> float:

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +30,10 @@ from softseam_coupling.loops.closure import Closure
 from softseam_coupling.loops.coupled_part import laws_of, parts_of
 from softseam_coupling.loops.doubt import (
     EXACT,
-    FIRST_DOUBT,
     FORCE_EXCHANGES,
     STALE,
     UNCORRECTED,
+    Linearity,
     grown,
     is_force_known,
     is_linear_enough,
@@ -51,6 +50,7 @@ from softseam_coupling.loops.loop import (
     StepRefused,
     ask_compliance_of,
     largest,
+    spread_over,
 )
 from softseam_coupling.multipliers import Multipliers
 from softseam_coupling.prediction import Prediction
@@ -58,41 +58,9 @@ from softseam_protocol.messages.outcomes import Figure, Status
 from softseam_protocol.messages.participant import Advanced, Capabilities
 
 Floats = NDArray[np.float64]
+Ids = NDArray[np.int32]
 
 _NONE = np.zeros((0, 0))
-_LEAST_AGE = 24
-"""a part's compliance is found anew after a step that was redone, where it is `STALE` and so old"""
-
-
-@dataclass(slots=True)
-class _Linearity:
-    """How far a part's linear answer is what it would do; all of it evolves."""
-
-    kappa: float = FIRST_DOUBT
-    n_contacts: int = 0
-    """at the end of the last step"""
-    age: int = 0
-    """steps since it reported its compliance"""
-    renew: bool = True
-    """whether its compliance is to be found anew"""
-    repeat: bool = False
-    """whether it is to report the compliance at hand again"""
-    least_age: int = _LEAST_AGE
-    """steps that its compliance serves at least; doubled where it is found anew for its age"""
-
-    def save(self) -> tuple[float, int, int, bool, bool, int]:
-        """All of it."""
-        return self.kappa, self.n_contacts, self.age, self.renew, self.repeat, self.least_age
-
-    def to_array(self) -> Floats:
-        """All of it."""
-        return np.array(self.save(), dtype=np.float64)
-
-    @classmethod
-    def of(cls, array: Floats) -> _Linearity:
-        """From `to_array`."""
-        kappa, n_contacts, age, renew, repeat, least_age = array.tolist()
-        return cls(kappa, int(n_contacts), int(age), bool(renew), bool(repeat), int(least_age))
 
 
 class OneWay:
@@ -106,7 +74,7 @@ class OneWay:
         self._parts, offset = parts_of(setup.interfaces, {name: len(m) for name, m in setup.mobility.items()})
         self._closure = Closure(self._parts, offset, *laws_of(setup.interfaces))
         self._capabilities: Mapping[str, Capabilities] = {}
-        self._linearity = {name: _Linearity() for name in self._parts}
+        self._linearity = {name: Linearity() for name in self._parts}
         self._multipliers = Multipliers(setup.interfaces, setup.first)
         self._impedance_part: str | None = None  # that is solved with the others behind it
         self._target = Prediction(0)  # where these are expected, on its nodes
@@ -138,6 +106,7 @@ class OneWay:
         parts, offset = parts_of(interfaces, {name: part.rows.shape[1] for name, part in self._parts.items()})
         for name, part in parts.items():
             self._parts[name].rows, self._parts[name].sign = part.rows, part.sign
+            self._parts[name].look_at_rows()
         self._multipliers.renew(interfaces)
         self._closure.renew(offset, *laws_of(interfaces))
 
@@ -152,7 +121,7 @@ class OneWay:
         except BaseException:
             for name, (part, linearity) in saved.items():
                 self._parts[name].restore(part)
-                self._linearity[name] = _Linearity(*linearity)
+                self._linearity[name] = Linearity(*linearity)
             inverse, self._impedance, self._dt = rest
             self._closure.restore(inverse)
             self._multipliers.restore(predictions[0])
@@ -238,6 +207,7 @@ class OneWay:
         arrays |= {"impedance": self._impedance, "dt": np.array([self._dt])}
         for name, linearity in self._linearity.items():
             arrays[f"linearity_{name}"] = linearity.to_array()
+            arrays[f"asked_{name}"] = self._parts[name].asked.astype(np.float64)
             arrays[f"compliance_{name}"] = self._parts[name].compliance
             arrays[f"reported_{name}"] = self._parts[name].reported
             arrays[f"root_{name}"] = _NONE if name == self._impedance_part else self._parts[name].root
@@ -250,9 +220,10 @@ class OneWay:
             prediction.take({key.removeprefix(prefix): each for key, each in arrays.items() if key.startswith(prefix)})
         self._impedance, self._dt = np.array(arrays["impedance"]), float(arrays["dt"][0])
         for name in self._parts:
-            self._linearity[name] = _Linearity.of(arrays[f"linearity_{name}"])
+            self._linearity[name] = Linearity.of(arrays[f"linearity_{name}"])
             compliance, reported = (np.array(arrays[f"{kind}_{name}"]) for kind in ("compliance", "reported"))
             self._parts[name].root = np.array(arrays[f"root_{name}"])
+            self._parts[name].asked = arrays[f"asked_{name}"] > 0.0
             self._parts[name].reported = reported  # the same as long as it was not updated
             self._parts[name].compliance = reported if np.array_equal(reported, compliance) else compliance
         if self._capabilities:
@@ -278,10 +249,17 @@ class OneWay:
     def _request(self, name: str, multipliers: Floats, target: Floats | None) -> PartRequest:
         force, linearity = self._parts[name].force(multipliers), self._linearity[name]
         if name != self._impedance_part or target is None or not self._impedance.size:
-            return PartRequest(force, linearity.renew, linearity.repeat, last=False)
+            return PartRequest(force, linearity.renew, linearity.repeat, asked=self._asked_of(name), last=False)
         impedance = None if self._sent else self._impedance
         self._sent = True
         return PartRequest(force, linearity.renew, linearity.repeat, target, impedance, last=False)
+
+    def _asked_of(self, name: str) -> Ids | None:
+        """Places of the nodes whose answers a part is asked for; None: of all."""
+        rows, asked = self._parts[name].rows, self._parts[name].asked
+        if self._impedance_part is not None or (len(rows) and not self._closure.presses):
+            return None
+        return np.flatnonzero(asked).astype(np.int32)
 
     def _measure(
         self,
@@ -300,7 +278,8 @@ class OneWay:
             if went > EXACT * self._setup.tolerance:
                 miss = x[name] - before[name] - moves[name]
                 linearity = self._linearity[name]
-                linearity.kappa = largest(miss) / went
+                known = slice(None) if requests[name].asked is None else requests[name].asked
+                linearity.kappa = largest(miss[known]) / went
                 # the factor that it reported is not that of the end of the step
                 linearity.renew = linearity.renew or (self._reports_every_factor(name) and linearity.kappa > STALE)
                 change = requests[name].force - asked[name].force
@@ -317,7 +296,8 @@ class OneWay:
         news = False
         for name, part in self._parts.items():
             reply, linearity = replies[name], self._linearity[name]
-            root, compliance = reply.coupling.root, reply.coupling.compliance
+            root = spread_over(reply.coupling.root, requests[name].asked, part.rows.shape[1])
+            compliance = reply.coupling.compliance
             if not (root.size or compliance.size) or not np.isfinite(root).all() or not np.isfinite(compliance).all():
                 continue
             if name == self._impedance_part:

@@ -45,10 +45,8 @@ class Unilateral:
         directions[self._presses, 0] = normal[self._presses]
         directions[rubs, 1], directions[rubs, 2] = _across(normal[rubs])
         row, place = np.nonzero(taken)
-        self._unknowns = np.zeros((3 * n_rows, len(row)))
-        """rows of the unknowns (3c, m) [1]"""
-        for axis in range(3):
-            self._unknowns[3 * row + axis, np.arange(len(row))] = directions[row, place, axis]
+        self._directions, self._taken = directions, taken.ravel()
+        """of up to three unknowns of each row (c, 3, 3), and which of these there are (3c,)"""
         self._kind = np.where(self._presses[row], place, HOLDS).astype(np.int8)
         """of each unknown: `HOLDS`, or along or across a normal (m,)"""
         self._bound = self._friction[row]
@@ -80,16 +78,28 @@ class Unilateral:
     def solve(self, w: Floats, q: Floats, first: Floats | None = None) -> Floats:
         """Multipliers (c, 3) [N] with (1) and (2), of W (3c, 3c) [m/N] and q (c, 3) [m]; with friction found from
         `first` (c, 3) [N]."""
-        t = self._unknowns
-        matrix, right = t.T @ w @ t, t.T @ q.reshape(-1)
+        matrix, right = self._matrix(w), self._to_unknowns(q)
         if self._rubs:
-            y, found = self._rub(matrix, right, np.zeros(len(right)) if first is None else t.T @ first.reshape(-1))
+            y, found = self._rub(matrix, right, np.zeros(len(right)) if first is None else self._to_unknowns(first))
         else:
             y, found = self._press(matrix, right)
         if not found:
             y = np.where(self._kind == ALONG, np.maximum(y, 0.0), y)
             sweep(matrix, right, self._kind, self._bound, y, _SWEEPS, _SETTLED)
-        return np.asarray((t @ y).reshape(-1, 3))
+        every = np.zeros(len(self._taken))
+        every[self._taken] = y
+        return np.asarray(np.einsum("cuk,cu->ck", self._directions, every.reshape(-1, 3)))
+
+    def _to_unknowns(self, vectors: Floats) -> Floats:
+        """Of vectors (c, 3) what is along the unknowns (m,)."""
+        return np.asarray(np.einsum("cuk,ck->cu", self._directions, vectors).ravel()[self._taken])
+
+    def _matrix(self, w: Floats) -> Floats:
+        """W (3c, 3c) between unknowns (m, m): the directions of a row are its own three."""
+        n = len(self._taken)
+        half = np.matmul(self._directions, w.reshape(n // 3, 3, n)).reshape(n, n)
+        whole = np.matmul(self._directions, half.T.reshape(n // 3, 3, n)).reshape(n, n)
+        return np.asarray(whole if self._taken.all() else whole[np.ix_(self._taken, self._taken)])
 
     def _press(self, matrix: Floats, right: Floats) -> tuple[Floats, bool]:
         """The unknowns without friction (m,), and whether the active sets settled."""

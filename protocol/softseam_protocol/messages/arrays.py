@@ -84,5 +84,9 @@ def no_lines() -> NDArray[np.int32]:
     return np.zeros((0, 2), dtype=np.int32)
 
 
+def no_ids() -> NDArray[np.int32]:
+    return np.zeros(0, dtype=np.int32)
+
+
 def no_labels() -> NDArray[np.int8]:
     return np.zeros(0, dtype=np.int8)

@@ -25,6 +25,7 @@ from softseam_protocol.messages.arrays import (
     Vector3,
     Vectors,
     Wrenches,
+    no_ids,
     no_labels,
 )
 from softseam_protocol.messages.header import Header, message
@@ -195,6 +196,8 @@ class Advance:
     """of a pile: 1 for bodies that stay as they are (b,); empty: none does"""
     guests: list[Guest] = field(default_factory=list)
     """of a pile: those of `Configure.guests`, in their order"""
+    coupling_asked: Ids = field(default_factory=no_ids)
+    """places among the coupling nodes of those whose answers to forces are wanted, ascending (a,); empty: all"""
 
 
 @message
@@ -227,7 +230,8 @@ class Coupled:
     compliance: Matrix = field(default_factory=NO_MATRIX)
     """(3s, 3s) [m/N], of a force that is linear in time [m/(N s)]; empty: not reported"""
     root: Matrix = field(default_factory=NO_MATRIX)
-    """R of dx/dforce = R R^T, by which the step is corrected (3s, r) [(m/N)^(1/2)]; empty: as before"""
+    """R of dx/dforce = R R^T, by which the step is corrected (3s, r) [(m/N)^(1/2)]; of `Advance.coupling_asked` alone
+    (3a, r), where a participant makes use of that; empty: as before"""
     correctable: bool = False
     """whether this tentative step can be corrected (`Correct`)"""
     sums: Scalars = field(default_factory=NO_SCALARS)

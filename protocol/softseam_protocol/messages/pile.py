@@ -6,7 +6,17 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from softseam_protocol.messages.arrays import NO_MATRIX, NO_VECTORS, Array, Count, Ids, Matrix, Scalars, Vectors
+from softseam_protocol.messages.arrays import (
+    NO_MATRIX,
+    NO_VECTORS,
+    Array,
+    Count,
+    Ids,
+    Matrix,
+    Scalars,
+    Vectors,
+    no_ids,
+)
 from softseam_protocol.messages.header import message
 from softseam_protocol.messages.outcomes import Detail, Status
 
@@ -26,6 +36,8 @@ class Guest:
     root: Matrix = field(default_factory=NO_MATRIX)
     """R of how x_next answers to a force, dx/dforce = R R^T (3s, r) [(m/N)^(1/2)]; empty: the last one sent since the
     last Configure, Snapshot or Restore"""
+    x_ahead: Vectors = field(default_factory=NO_VECTORS)
+    """where they are looked for as the step ends (s, 3) [m]; empty: at x_next"""
 
 
 @message
@@ -36,6 +48,8 @@ class Push:
     """mean over the step (s, 3) [N]"""
     moment: Scalars
     """of it about the world's origin, where those were that exert it (3,) [N m]; empty: that of the nodes"""
+    nodes: Ids = field(default_factory=no_ids)
+    """places among its nodes of those that anything near enough may act on, ascending (k,)"""
 
 
 @message

@@ -119,6 +119,8 @@ class Connectivity:
         pattern, cut = _patterns(body, region, general, root)
         outside = SPREAD if is_embedded(body) else ALONE
         self.fixed = region.fixed
+        # of a whole body others meet few of the nodes at which they may: all of them last would make its factor dense
+        self._last = region.seam if len(region.cells) < body.n_cells else region.seam[:0]
         self.fields: dict[str, Any] = {
             "cell_nodes": region.cell_nodes,
             "cell_grid": body.cell_grid[region.cells],
@@ -149,13 +151,13 @@ class Connectivity:
     @property
     def key(self) -> bytes:
         """Equal for equal structures only."""
-        return key_of(*self.fields.values(), self.fixed)
+        return key_of(*self.fields.values(), self.fixed, self._last)
 
     def ordered(self) -> FemModel:
         """The structure, its unknowns ordered by nested dissection."""
         fields = self.fields
         nodes, root = fields["cell_nodes"], fields["root"]
-        tree = dissect(nodes, fields["cell_grid"], len(self.fixed), self.fixed, fields["seam"], root_cells(root))
+        tree = dissect(nodes, fields["cell_grid"], len(self.fixed), self.fixed, self._last, root_cells(root))
         position = tree.position
         return FemModel(
             **fields,
@@ -165,6 +167,20 @@ class Connectivity:
             cell_order=position[nodes],
             point_place=position[fields["point_node"]],
         )
+
+
+def with_seam_last(model: FemModel) -> FemModel:
+    """The same structure with the seam's nodes eliminated last."""
+    fixed, nodes, root = model.order < 0, model.cell_nodes, root_cells(model.root)
+    tree = dissect(nodes, model.cell_grid, len(fixed), fixed, model.seam, root)
+    position = tree.position
+    return model._replace(
+        order=position,
+        tree=tree,
+        joints=build_joints(nodes, model.root, model.seam, tree),
+        cell_order=position[nodes],
+        point_place=position[model.point_node],
+    )
 
 
 def _roots(body: Body, region: Region, spec: FemSpec) -> Ints:

@@ -28,7 +28,7 @@ from .kernels import step as kernel
 from .kernels.contact_columns import N_STATE
 from .kernels.elements import strain_energy
 from .kernels.newton import CONVERGED
-from .model import FemModel
+from .model import FemModel, with_seam_last
 from .region_tables import RegionTables
 from .state import FemState, pack, unpack
 from .step import Stepper
@@ -58,6 +58,7 @@ class FemSolver:
         Neither has an integrator's history, so one that needs it begins with a step of midpoint.
         """
         self._body, self._region, self._n_tools, self._tool_set = body, region, len(tools.names), tools
+        self._whole_body = len(region.cells) == body.n_cells
         self._models, self._sleeps = scene.models, scene.sleep is not None
         self.tables = tables or RegionTables(body, region, tools, scene)
         self._reduction = reduction = self.tables.reduction
@@ -170,6 +171,7 @@ class FemSolver:
             self.commit()
         self._step, self._request = key, request
         problem = problem_of(request, self._n_tools, len(self._region.seam))
+        self._take_order(request)
         problem = problem or problem_of_target(request, len(self._region.seam), self.stepper.knows_impedance)
         if problem:
             return self._failed(request, Status.REFUSED, problem, began)
@@ -190,6 +192,22 @@ class FemSolver:
             return self._failed(request, STATUS[status], stepper.why(status, self._solved.cells), began)
         self._tentative = True
         return self._reply(request, Status.CONVERGED, "", began)
+
+    @property
+    def _last(self) -> bool:
+        """Whether the seam's nodes are eliminated last."""
+        return self.model.tree.seam_front >= 0
+
+    def _take_order(self, request: Advance) -> None:
+        """Solve with the coupling nodes of a whole body last only where more is wanted than how some of them answer."""
+        asked, n = request.coupling_asked, len(self.model.seam)
+        some = 0 < 2 * len(asked) <= n and (self.stepper.at_once or not request.compliance)
+        if n and self._whole_body and some == self._last:
+            self.model = self.tables.whole.model if some else self._seam_last
+
+    @cached_property
+    def _seam_last(self) -> FemModel:
+        return with_seam_last(self.tables.whole.model)
 
     def _failed(self, request: Advance, status: Status, why: str, began: float) -> Advanced:
         now, end = self.committed, self._next
@@ -230,7 +248,7 @@ class FemSolver:
             self._bound(self._next.x, out)
         if reduction is not None and converged:
             reduction.add_up(self._next, self._tools, out, wrench)
-        numbers = out.tolist()
+        numbers, asked = out.tolist(), request.coupling_asked
         correctable = converged and stepper.correctable
         alarm = stepper.alarm(self._next, self.times) if converged else ""
         return Advanced(
@@ -251,8 +269,8 @@ class FemSolver:
                 v=self._now.v[self._region.seam] if len(request.coupling_force_start) else _FREE,
                 force=stepper.work.seam_actual.copy(),
                 work=numbers[kernel.SEAM_WORK],
-                compliance=found.compliance.copy() if request.compliance and converged else _NONE,
-                root=stepper.new_compliance_root(request.repeat_compliance) if correctable else _NONE,
+                compliance=found.compliance.copy() if request.compliance and converged and self._last else _NONE,
+                root=stepper.new_compliance_root(request.repeat_compliance, asked) if correctable else _NONE,
                 correctable=correctable,
                 sums=sums_of(self.parameters.mass, self._now.x, self._now.v) if len(self.model.seam) else _NO_SUMS,
             ),
@@ -323,10 +341,14 @@ class FemSolver:
         energy = work.energy.copy() if self._reduction is None else work.energy[self._reduction.cell]
         return self._reader.read(request_header, self.state, energy, self._scratch, indicators, own)
 
-    @cached_property
+    @property
     def _scratch(self) -> Work:
         """Of the whole region."""
-        return self.stepper.work if self._reduction is None else build_work(*self.tables.whole, self._n_tools)
+        return self.stepper.work if self._reduction is None else self._scratch_of_whole
+
+    @cached_property
+    def _scratch_of_whole(self) -> Work:
+        return build_work(*self.tables.whole, self._n_tools)
 
     @cached_property
     def _reader(self) -> FieldReader:

@@ -14,6 +14,7 @@ from softseam_services.body.body import Floats, Ints
 from softseam_services.body.turning import Turning, with_change
 
 from . import substeps
+from .answers import root_of, root_of_all
 from .failures import alarm, why
 from .inputs import AT_ONCE, NO_PUSH, Inputs, NewtonSettings, StepInputs, StepResult, Tools, build_result, part_of
 from .integrators.scheme import IMPLICIT_EULER, STATIC, SYMPLECTIC_EULER
@@ -21,7 +22,6 @@ from .integrators.static import raised
 from .integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from .kernels import step as kernel
 from .kernels.contact import force_moment
-from .kernels.fronts import seam_root
 from .kernels.newton import CONVERGED, FACTORED, N_FACTORS, STALLED
 from .kernels.points import remember
 from .model import FemModel
@@ -36,6 +36,7 @@ _CAREFUL_AT_FIRST = 60
 _MOST_HALVINGS = 5
 # Of the error that a substep may make in time, the share that Newton's method may leave.
 _UNSEEN = 1e-2
+_NOWHERE = np.zeros(0, dtype=np.int32)
 _SUMMED = [kernel.TOOL_WORK, kernel.SEAM_WORK, kernel.N_ITERATIONS]
 
 
@@ -45,7 +46,7 @@ class Stepper:
     def __init__(self, spec: FemSpec, model: FemModel, parameters: FemParameters, n_tools: int) -> None:
         self._spec, self._n_tools = spec, n_tools
         self._parts: substeps.Substeps | None = None
-        self._told = -1.0  # factor whose yield of the seam was last reported
+        self._told, self._told_of = -1.0, _NOWHERE  # factor whose answers were last reported, and of which nodes
         self._turn, self.given = np.zeros(0), 0.0
         """to a rotation in the last step, beyond the work of contact along the chords of ways [J]"""
         self._moment = np.zeros((3, 3))
@@ -191,7 +192,7 @@ class Stepper:
     def forget(self) -> None:
         """Drop the factors, and what the other side sent."""
         self.knows_impedance = False
-        self._told = -1.0
+        self._told, self._told_of = -1.0, _NOWHERE
         for work in self._both:
             work.memo[:] = 0.0
             work.factored_state[:] = 0
@@ -208,14 +209,16 @@ class Stepper:
         """Whether the last step has a factor that says how it would answer a force on the seam."""
         return bool(self.at_once and self._parts is None and self.work.memo[FACTORED])
 
-    def new_compliance_root(self, anyway: bool) -> Floats:
-        """A root of d(coupling_x)/d(coupling_force) of the factor at hand (3s, 3s); empty if sent, unless `anyway`."""
-        if self._told == self.work.memo[N_FACTORS] and not anyway:
+    def new_compliance_root(self, anyway: bool, asked: Ints) -> Floats:
+        """A root of d(coupling_x)/d(coupling_force) of the factor at hand (3a, r), of nodes at these places among the
+        seam's (a,), or of all where these are eliminated last; empty if sent, unless `anyway`."""
+        last = self._model.tree.seam_front >= 0
+        if not last and not len(asked):
             return np.zeros((0, 0))
-        self._told = float(self.work.memo[N_FACTORS])
-        work, root = self.work, np.empty_like(self.result.compliance)
-        seam_root(self._model.tree, work.values, work.seam_block, root, work.ints)
-        return root
+        if self._told == self.work.memo[N_FACTORS] and not anyway and (last or np.isin(asked, self._told_of).all()):
+            return np.zeros((0, 0))
+        self._told, self._told_of = float(self.work.memo[N_FACTORS]), asked
+        return root_of_all(self._model, self.work) if last else root_of(self._model, self.work, asked)
 
     def correct(self, now: FemState, end: FemState, dt: float, request: Correct, tools: Tools) -> None:
         """Move the step of length dt [s] that led to `end` on by its linear answer."""

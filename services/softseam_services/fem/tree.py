@@ -44,7 +44,7 @@ class Tree(NamedTuple):
     cell_row: Ints
     """row of the second node in the panel that owns the first, both in elimination order (c, k, k)"""
     seam_front: int
-    """the front that owns the seam, -1 for none"""
+    """the front that owns the seam, where it is eliminated last; -1 for none"""
     seam_place: Ints
     """place of each seam node in it (s,)"""
     n_values: int

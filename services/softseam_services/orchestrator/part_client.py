@@ -25,7 +25,7 @@ from softseam_services.orchestrator.transport import ParticipantFailed, Transpor
 Floats = NDArray[np.float64]
 
 _NOTHING = np.zeros(0)
-_NO_VECTORS, _AS_SENT = np.zeros((0, 3)), np.zeros((0, 0))
+_NO_VECTORS, _AS_SENT, _NO_IDS = np.zeros((0, 3)), np.zeros((0, 0)), np.zeros(0, dtype=np.int32)
 _NO_REPLIES: Mapping[str, messages.Reply] = {}
 _OLDER = messages.Failure(
     FailureKind.SCHEMA,
@@ -232,4 +232,5 @@ def _advance_request(
     impedance = _AS_SENT if part.impedance is None else part.impedance
     start = _NO_VECTORS if part.start is None else part.start
     about = target, impedance, fields, start, part.repeat, turn
-    return messages.Advance(header, dt, part.force, motion, part.renew, *about)
+    asked = _NO_IDS if part.asked is None else part.asked
+    return messages.Advance(header, dt, part.force, motion, part.renew, *about, coupling_asked=asked)

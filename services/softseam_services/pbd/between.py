@@ -132,7 +132,7 @@ class Between:
         touch.asleep[:] = np.where(asleep, LIES, AWAKE)
         touch.asleep[: self._n_own][fell] = FELL
         touch.asleep[self._n_own :][asleep[self._n_own :]] = FELL  # guests are said to be where they are in each step
-        touch.guest_at[:], touch.guest_to[:] = guests.came, guests.goes
+        touch.guest_at[:], touch.guest_to[:] = guests.came, guests.ahead
         n_rows, others = find_rows(members, self._n_own, touch, now, dt)
         if others:
             self.n_groups, self._n_eights = find_groups(touch, self.groups), -1

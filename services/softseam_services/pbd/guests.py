@@ -35,8 +35,9 @@ class Guests:
         g, first = len(faces), np.cumsum([0, *(len(each.area) for each in faces)])
         self._own = [slice(int(a), int(b)) for a, b in pairwise(first)]
         q = int(first[-1])
-        self.came, self.goes = np.zeros((q, 3)), np.zeros((q, 3))
-        """points as the step begins, and as it ends under the forces that were thought to act (q, 3) [m]"""
+        self.came, self.goes, self.ahead = np.zeros((3, q, 3))
+        """points as the step begins, as it ends under the forces that were thought to act, and where they are looked
+        for then (q, 3) [m]"""
         self._among = np.concatenate(
             [np.zeros((0, _AROUND), np.int32), *(np.pad(each.among, _beside(each)) for each in faces)]
         )
@@ -72,13 +73,14 @@ class Guests:
             return f"the pile was configured with {len(self.faces)} guests: the step is of {len(said)}"
         for place, (one, faces) in enumerate(zip(said, self.faces, strict=True)):
             n, root, awake = len(faces.nodes), one.root, len(one.x_next) > 0
-            if any(each.shape != (n, 3) for each in ((one.x, one.x_next, one.force) if awake else (one.x,))):
+            said_of = (one.x, one.x_next, one.force) if awake else (one.x,)
+            if any(each.shape != (n, 3) for each in (*said_of, *((one.x_ahead,) if len(one.x_ahead) else ()))):
                 return f"nodes of guest {place} need the shape ({n}, 3)"
             if root.size and len(root) != 3 * n:
                 return f"the root of guest {place} has {len(root)} rows in place of {3 * n}"
             if awake and not root.size and not self._root[place].size:
                 return f"guest {place} comes without a root, and none came since the last snapshot: send it again"
-            if not all(np.isfinite(each).all() for each in (one.x, one.x_next, one.force, root)):
+            if not all(np.isfinite(each).all() for each in (one.x, one.x_next, one.force, root, one.x_ahead)):
                 return f"what is said of guest {place} is not finite"
         return ""
 
@@ -91,6 +93,7 @@ class Guests:
                 self._root[place], self._answered[place] = one.root, None
             self._held[place] = one.force
             self.came[own], self.goes[own] = faces.places(one.x), faces.places(one.x if away else one.x_next)
+            self.ahead[own] = faces.places(one.x_ahead) if len(one.x_ahead) and not away else self.goes[own]
         return self._away
 
     def gather(self, touch: Touch, xw: Floats, held: Floats) -> None:
@@ -161,12 +164,14 @@ class Guests:
 
     def felt(self) -> list[Push]:
         """What acted on them in the last step; what was thought to, where the pile's step was lost."""
-        arrays, found = self.arrays, []
+        arrays, found = self.arrays, list[Push]()
         for place, weights in enumerate(self._weights):
             own = slice(*arrays.first_slot[place : place + 2])
             force = np.asarray(weights.T @ arrays.felt[own])
             lost = bool(arrays.lost[place])
-            found.append(Push(self._held[place], np.zeros(0)) if lost else Push(force, arrays.moment[place].copy()))
+            nodes = np.unique(weights.indices[weights.data != 0.0]).astype(np.int32)
+            moment = np.zeros(0) if lost else arrays.moment[place].copy()
+            found.append(Push(self._held[place] if lost else force, moment, nodes))
         return found
 
     def forget(self) -> None:

@@ -200,9 +200,13 @@ def _ascend_all(tree, values, b, t, s, ints):
 
 @njit(cache=True, error_model="numpy")
 def solve_seam(tree, values, b, scratch):
-    """`solve` for a b that is zero but at the seam's nodes, which the last front owns: the same bits, half the time."""
+    """`solve` for a b that is zero but at the seam's nodes; where the last front owns these, the same bits in half the
+    time."""
     meta, t, s, ints = tree.meta, scratch.t, scratch.tile, scratch.ints
     last = tree.seam_front
+    if last < 0:
+        solve(tree, values, b, scratch)
+        return
     first, k = 3 * meta[last, FIRST], 3 * meta[last, OWN]
     for i in range(k):
         t[i] = b[first + i]

@@ -336,7 +336,8 @@ def newton(x, x0, model, parameters, tree, tools, count, inertia, share, setting
 def seam_compliance(scheme, model, parameters, tree, now, x, inputs, work, inverse):
     """d(seam_x)/d(seam_force) at the end x of a step from `now`, contacts included.
 
-    inverse (3s, 3s) [m/N] updated in place; returns whether the matrix could be factored.
+    inverse (3s, 3s) [m/N] updated in place, where the seam is eliminated last; returns whether the matrix could be
+    factored.
     """
     x0, tools = now.x, inputs.tools
     inertia, share = begin(scheme, inputs.dt, inputs.past, x0, now.v, now.history, work.x_hat)
@@ -349,6 +350,6 @@ def seam_compliance(scheme, model, parameters, tree, now, x, inputs, work, inver
         # the derivative proper: no resistance along a slip (0 where the contact sticks or is open has no effect)
         work.contact[c, RELAXED] = 1.0
     good = refactor(x, x0, model, parameters, tree, tools, count, inertia, share, False, -np.inf, False, work)
-    if good:
+    if good and tree.seam_front >= 0:
         seam_inverse(tree, work.values, work.seam_block, inverse, work.ints)
     return good

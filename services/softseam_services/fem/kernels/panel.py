@@ -130,6 +130,24 @@ def descend(values, offset, m, k, t, s, ints):
 
 
 @njit(cache=True, error_model="numpy")
+def descend_many(values, offset, m, k, c, t, s, ints):
+    """As `descend`, of c right-hand sides at once: t (m, c) column-major; s (STRIP c,) scratch."""
+    narrow = k <= NARROW
+    for a in range(0, k, STRIP):
+        n = min(STRIP, k - a)
+        corner = offset + a * m + a
+        for j in range(c):
+            for i in range(n):
+                s[j * n + i] = t[j * m + a + i]
+                t[j * m + a + i] = 0.0
+        if narrow:
+            product(m - a, c, n, 1, values, corner, m, s, 0, n, False, True, t, a, m, ints)
+        else:
+            product(n, c, n, 1, values, corner, m, s, 0, n, False, False, t, a, m, ints)
+            product(m - a - n, c, n, -1, values, corner + n, m, t, a, m, False, True, t, a + n, m, ints)
+
+
+@njit(cache=True, error_model="numpy")
 def ascend(values, offset, m, k, t, s, ints):
     """t[:k] <- x_1 with L11^T x_1 = t_1 - L2^T x_2, for [t_1; x_2] = t (m,); s (STRIP,) scratch."""
     narrow = k <= NARROW
