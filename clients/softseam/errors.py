@@ -26,7 +26,7 @@ class UnknownTool(BadInput):
 
 
 class BadVelocity(BadInput):
-    """A tool's velocity is not three finite numbers [m/s]."""
+    """No step can be taken with a tool's velocity; the text says what to give."""
 
 
 class BadSnapshot(BadInput):
