@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from softseam_coupling.loops import unilateral
+from softseam_coupling.loops.coupled_part import CoupledPart
 from softseam_coupling.loops.unilateral import Unilateral
 
 Floats = NDArray[np.float64]
@@ -98,3 +99,17 @@ def test_what_is_left_of_an_open_row_is_what_overlaps() -> None:
     gaps = np.array([[5.0, 0.0, 0.1], [0.0, 0.0, 0.2], [0.0, 0.0, -0.3]])
     forces = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     np.testing.assert_array_equal(one.left(gaps, forces), [[0, 0, 0.1], [0, 0, 0], [0, 0, -0.3]])
+
+
+@pytest.mark.parametrize("as_root", [True, False])
+def test_a_part_adds_what_its_own_rows_yield(as_root: bool) -> None:
+    """B H B^T, of rows of which some act on other parts, or all do."""
+    rng = np.random.default_rng(5)
+    root, weights = rng.normal(size=(12, 7)), rng.normal(size=(5, 4))
+    weights[[1, 3]] = weights[:, 2] = 0.0
+    for rows in (weights, np.zeros((5, 4))):
+        part = CoupledPart(rows, 0.0, **({"root": root} if as_root else {"compliance": root @ root.T}))
+        spread = np.kron(rows, np.eye(3))
+        found = np.eye(15)
+        part.add_row_compliance(found)
+        np.testing.assert_allclose(found, np.eye(15) + spread @ root @ root.T @ spread.T, atol=1e-12)

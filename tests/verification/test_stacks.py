@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import softseam
+from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.scene import Scene
 
 WIDTH, YOUNG, DENSITY = 0.05, 2e4, 1050.0
@@ -69,3 +70,33 @@ def test_another_code_presses_a_stiff_cube_into_a_soft_one_with_the_same_force(m
     data["motion"] = [{"tools": ["press"], "move": [0.0, 0.0, -pressed], "speed": 0.02}, {"hold": 0.3}]
     with softseam.open(Scene.model_validate(json.loads(json.dumps(data)))) as sim:
         assert float(sim.run().report.wrench[0, 2]) == pytest.approx(PEER, rel=0.02)
+
+
+def squeezed(models: tuple[str, ...], young: float, step: float) -> StepReport:
+    """The end of a run in which three cubes upon one another are pressed by 4 mm."""
+    edge, bodies = 0.04, {}
+    for at, model in enumerate(models):
+        material = {"kind": "neo_hookean", "young": young, "poisson": 0.3, "density": 1000.0, "retardation_time": 0.01}
+        bodies[f"cube{at}"] = {
+            "shape": {"kind": "block", "size": [edge] * 3},
+            "cell": edge / 2.0,
+            "position": [0.0, 0.0, at * edge],
+            "material": material,
+            "regions": {"default": model},
+        }
+    press = {"kind": "plane", "point": [0.0, 0.0, 3.0 * edge], "normal": [0.0, 0.0, -1.0], "friction": 1.0}
+    data = {"softseam": 1, "name": "squeezed", "step": step, "bodies": bodies, "contacts": {"friction": 0.5}}
+    data |= {"tools": {"ground": {"kind": "plane", "friction": 1.0}, "press": press}}
+    data["motion"] = [{"tools": ["press"], "move": [0.0, 0.0, -0.004], "speed": 0.02}, {"hold": 0.2}]
+    with softseam.open(Scene.model_validate(json.loads(json.dumps(data)))) as sim:
+        return sim.run().report
+
+
+@pytest.mark.parametrize("models", [("pbd", "fem", "fem"), ("pbd", "fem", "pbd")], ids=" ".join)
+def test_a_guest_is_squeezed_between_a_pile_and_others(models: tuple[str, ...]) -> None:
+    """With 55 N, as FEM alone is within 1 %, and what the ground has more than the press is the weights. A body of mass
+    m and edge a that dead loads F squeeze topples in a step h from F a = m a^2/(6 h^2) on, here 70 N."""
+    alone = squeezed(("fem", "fem", "fem"), 1e6, 0.0025)
+    found = squeezed(models, 1e6, 0.0025)
+    np.testing.assert_allclose(found.wrench[:, 2], alone.wrench[:, 2], rtol=0.01)
+    assert found.wrench[:, 2].sum() == pytest.approx(-3.0 * 0.04**3 * 1000.0 * 9.81, rel=1e-4)

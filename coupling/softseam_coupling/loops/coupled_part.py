@@ -107,6 +107,8 @@ class CoupledPart:
         """Add it to a matrix (3c, 3c), in place; of rows that do not act on the part nothing is looked at."""
         n = self.rows.shape[1]
         mine = np.flatnonzero(self.rows.any(axis=1))
+        if not len(mine):
+            return
         c, places = len(mine), (3 * mine[:, None] + np.arange(3)).ravel()
         where = (slice(None), slice(None)) if c == len(self.rows) else np.ix_(places, places)
         if self.root.size:

@@ -38,6 +38,8 @@ Joint = tuple[Floats, Floats, Floats]
 
 _NOTHING = np.zeros(0)
 _N_CHANGE = 6
+_SQUEEZED = 0.25
+"""of a tilt: by more than that a body is turned by what squeezes it [1]"""
 
 
 class BodyTurn:
@@ -64,6 +66,13 @@ class BodyTurn:
 
     def _is_turning(self, dt: float) -> bool:
         return bool(np.isfinite(self._sums[MASS]) and dt * rate_of(self._sums) > LEAST_TURN)
+
+    def _is_squeezed(self, joints: Mapping[str, Joint] | None, dt: float) -> bool:
+        """Whether forces on its joints turn it in a step of dt [s] by much of what it is tilted, as they stay in their
+        direction: what it is given back of such a turn shakes it."""
+        centre, (_, inverse) = self._sums[PLACE:MOTION] / self._sums[MASS], spin_and_inverse(self._sums)
+        squeeze = -sum(float(np.vdot(ended - centre, force)) for _, ended, force in (joints or {}).values())
+        return squeeze * dt * dt * float(np.trace(inverse)) / 3.0 > _SQUEEZED
 
     @property
     def said(self) -> Floats:
@@ -96,7 +105,7 @@ class BodyTurn:
             self._sums, self._turns = np.full(N_SUMS, np.nan), False
             return told
         self._sums = np.sum([reply.coupling.sums for reply in replies.values()], axis=0)
-        if not turns and moment is None:
+        if not turns and (moment is None or (not self._is_turning(dt) and self._is_squeezed(joints, dt))):
             return told
         mass, end = start[MASS], self._sums
         before, centre = start[PLACE:MOTION] / mass, end[PLACE:MOTION] / mass
