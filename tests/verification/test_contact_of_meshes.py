@@ -113,11 +113,24 @@ def test_two_balls_press_each_other_as_each_presses_a_plane_by_half(tmp_path: Pa
         if n > 1:
             touch = reports[-1].interfaces["touch"]
             assert np.hypot(touch.force_x, touch.force_y) < 1e-3 * touch.force_z
-            assert touch.gap < 1e-4
+            assert touch.gap < 2e-4  # of the deepest point; in the mean of a patch 6e-5
         return float(reports[-1].wrench[1, 2])
 
     alone = {each: pressed(each) for each in {upper, lower}}
     assert pressed(lower, upper) == pytest.approx(0.5 * (alone[upper] + alone[lower]), rel=0.025)
+
+
+def test_where_cells_are_hardly_changes_the_force(tmp_path: Path) -> None:
+    """A ball of cells of 10 mm, pressed on a block of such cells at five places of these, by a plane that comes near by
+    4 mm: with one force within 1.5 % (at twenty .3 % in the mean, 1.1 % at most)."""
+    found = []
+    for x, y in ((0.0, 0.0), (0.005, 0.005), (0.0025, 0.0), (0.001, 0.004), (-0.0035, 0.0015)):
+        bodies = {"lower": block([0.08, 0.08, 0.04], 0.01), "upper": ball(position=[x, y, 0.04])}
+        press = {"kind": "plane", "point": [0.0, 0.0, 0.04 + 2.0 * RADIUS], "normal": [0.0, 0.0, -1.0], "friction": 1.0}
+        keys: dict[str, Any] = {"tools": FLOOR | {"press": press}, "gravity": [0.0, 0.0, 0.0], "interfaces": TOUCH}
+        keys["motion"] = [{"tools": ["press"], "move": [0.0, 0.0, -0.004], "speed": 0.04}, {"hold": 0.2}]
+        found.append(Run(tmp_path, bodies, regions={"default": "pbd"}, **keys).reports[-1].wrench[1, 2])
+    assert np.ptp(found) < 0.015 * np.mean(found)
 
 
 @pytest.mark.slow

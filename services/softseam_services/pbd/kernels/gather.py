@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softseam_services.body.body import Floats, Ints
+from softseam_services.body.body import SAME, Floats, Ints
 from softseam_services.jit import njit, record
 
 from .touch import AREA, CORNER, FADE, GAP, POINT, SHARE, SIDE
@@ -30,10 +30,11 @@ N_INTS = 12
 """of a patch: the body with the nodes that it is around, and the other; first node of the one, first of the other, and
 the end of these; place among forces; slot of the one where it is a guest, else -1; the other, counted among guests, and
 its slot, or -1; first and end of its points in eq. (2), and how many of these are inside"""
-NORMAL, SOFT, GIVES, RUB, FORCE, HELD, YIELDS, SLIDES, OFFSET = 0, 3, 4, 5, 6, 9, 12, 13, 14
-N_NUMBERS = 15
+NORMAL, SOFT, GIVES, RUB, FORCE, HELD, YIELDS, SLIDES, OFFSET, NEAREST = 0, 3, 4, 5, 6, 9, 12, 13, 14, 15
+N_NUMBERS = 16
 """n (3,) from the other to the one, alpha [m/N] across it, c/h^2 [1/kg], mu, f on the one and t_0 (3,) [N], and what
-guests add to c along n and across it, see `guests` [m/N], and what is added to all e_q, see `patches` [m]"""
+guests add to c along n and across it, see `guests` [m/N], what is added to all e_q, see `patches` [m], and the least
+e_q of points that are not beside their faces, inf where all are [m]"""
 STIFF, LEVER, ENERGY = 0, 1, 2
 """of a point in eq. (2), of those so near and nearer: the sums of k_q [N/m], of k_q e_q [N], and of k_q e_q^2/2 [J]"""
 _MOST = 24
@@ -148,14 +149,18 @@ def gather_patches(touch, patches, xw, n_own, among, part):
         mean = np.zeros(p)
         for i in range(p):
             first[i + 1] += first[i]
+        nearest = np.full(p, np.inf)
         gap, stiff, next_ = np.empty(first[p]), np.empty(first[p]), first[:-1].copy()
         yields = touch.yields[one] + touch.yields[other]
         for r in range(end - begin):
-            row = touch.rows[begin + r]
+            row, ints = touch.rows[begin + r], touch.ints[begin + r]
+            whole = touch.area[touch.first[touch.sides[meeting, ints[SIDE] % 2]] + ints[POINT]]
             for k in range(_MOST * r, _MOST * r + count[2, r]):
                 if of[k] <= 0.0:
                     continue
                 i, along = whose[k], 0.0
+                if row[AREA] >= (1.0 - SAME) * whole:
+                    nearest[i] = min(nearest[i], row[GAP])
                 for c in range(3):
                     along += sign * row[FACING + c] * normal[i, c]
                 mean[i] += row[AREA] * row[FADE] * of[k] * row[GAP] * along
@@ -193,6 +198,7 @@ def gather_patches(touch, patches, xw, n_own, among, part):
             _bend(gap, stiff, first[i], first[i + 1], mean[i] / (total[i] * length[i]), patches.bend, n_bends)
             n_bends += first[i + 1] - first[i]
             ints[LAST_BEND], ints[PRESSED] = n_bends, 1
+            row[NEAREST] = nearest[i] - mean[i] / (total[i] * length[i])
             row[SOFT] = 1.0 / patches.bend[n_bends - 1, STIFF]
             n += 1
     patches.start[len(touch.pair)] = n

@@ -34,6 +34,7 @@ from .gather import (
     LAST_BEND,
     LEVER,
     MIDDLE,
+    NEAREST,
     NORMAL,
     OFFSET,
     OTHER,
@@ -309,7 +310,8 @@ def account_patches(touch, books, patches, meeting, xw, guests, h, n_substeps):
             know_begin(patches, r, guests)
         began = patches.began[r]
         at, theirs = places_of(patches, ints, xw, guests)
-        depth = square = pressed = went = 0.0
+        square = pressed = went = 0.0
+        depth = -row[NEAREST]
         for c in range(3):
             f = row[FORCE + c]
             square += f * f
