@@ -197,8 +197,8 @@ COUNTS = (
     Count("fields of messages that are called seam", matching(r"^    seam_\w+:", inside="/messages/"), 0, 0),
     Count("imports of solvers in the orchestrator", importing(SOLVERS, "/orchestrator/"), 0, 0),
     Count("client modules that import services", modules_importing("softseam_services", "clients/"), 3, 3),
-    Count("tuned constants", constants, 444, 450),
-    Count("lines with tell or told", matching(r"\b(tell|tells|telling|told)\b"), 108, 150),
+    Count("tuned constants", constants, 458, 450),
+    Count("lines with tell or told", matching(r"\b(tell|tells|telling|told)\b"), 116, 150),
     Count(
         "lines of a participant from outside",
         lambda sources: lines(sources, "clients/softseam/examples/participant/"),
