@@ -84,7 +84,8 @@ kPa ten are awake ([decision 63](../decisions/63-sleep-by-body.md)).
   takes it seconds (of 4³ at 20 ms two take 11 of 18 s), in its own solves, again when it is repeated and others where
   step or cells are others. Why was not looked into.
 - At 5 MPa FEM takes 13 s at 5 ms; of steps of 20 ms the run was given up after six minutes, and XPBD was not tried.
-- Trays that are shaken, and other ratios of Poisson than these two.
+- Trays that are shaken, and other ratios of Poisson than these two. PyBullet and Genesis were not run; MuJoCo and
+  Newton not on 28 bodies, nor with more iterations or shorter steps than in their table.
 """
 SECTION = """## {label}
 
