@@ -24,7 +24,7 @@ import igl
 import numpy as np
 from benchmarks.front_runs import CLOSES, GRIPPED, TOFU, Choice, scene_of
 from benchmarks.front_tray import Floats, Tray, ended, grid_of
-from benchmarks.front_truth import Found, Truth
+from benchmarks.front_truth import Found, Truth, needed, truth_of
 from benchmarks.rivals import HERE, RIVALS, environment
 from cubes import EDGE, SOFT, cube  # beside the tests
 from cubes import scene_of as cubes_of
@@ -282,11 +282,10 @@ def measured(tray: Tray, out: Path, console: Console) -> Iterable[tuple[str, dic
         yield setting.label, both["tray"] | {"momentum": both["meeting"].get("momentum")}
 
 
-def compared(out: Path, truth: Truth, runs: Callable[[Choice], Found], console: Console) -> dict[str, Any]:
-    """All rows, ours first, and what they are held against, as JSON: FEM in 4^3 cells in this tray, corrected by what
-    that is off in the larger one, whose truth is given."""
-    here, there = (runs(Choice(TOFU, "fem", 4, 1, sleep=False, side=side)) for side in (SIDE, 3))
-    truth = replace(truth, force=truth.force * here.force / there.force)
+def compared(out: Path, runs: Callable[[Choice], Found], console: Console) -> dict[str, Any]:
+    """All rows, ours first, and what they are held against, as JSON: this tray's own reference, made as the larger
+    one's."""
+    truth = truth_of({choice: runs(replace(choice, side=SIDE)) for choice in needed(TOFU)}, TOFU)
     tray = tray_of(replace(OURS[1], sleep=False))
     rows = [_row(choice.label, ours(choice, tray), truth, own=True) for choice in OURS]
     rows += [_row(label, found, truth, own=False) for label, found in measured(tray, out, console)]

@@ -15,9 +15,8 @@ SECTION = """## Beside other simulators
 
 The same tray with {bodies} bodies ({side}³ and the gripped one), for with 28 most rivals take from half an hour to
 hours. Cubes, walls, friction and, where they have it, retardation time are ours; fingers go the way that ours went. One
-process on one thread each, one after the other. The force is held against {force} N, which is FEM 4³ in this tray,
-corrected by what it is off in the larger one; it is known to {known:.1%} at best. Forces of others are means of the
-last 40 ms, for not all rest by then.
+process on one thread each, one after the other. The force is held against {force} N, made for this tray as the larger
+one's reference and known to {known:.1%}. Forces of others are means of the last 40 ms, for not all rest by then.
 
 | | CPU s a second | force [%] | held, in the air [N] | in one another [mm] | floor | between | momentum |
 |---|---|---|---|---|---|---|---|
