@@ -101,7 +101,7 @@ def main() -> None:
     crossing = [(choice, runs(choice)) for choice in stiffer()]
     sizes = [(choice, runs(choice)) for choice in larger()]
     if measure:
-        rivals.write_text(json.dumps(compared(KEPT, truths[TOFU], runs, Console()), indent=1))
+        rivals.write_text(json.dumps(compared(KEPT, runs, Console()), indent=1))
     others = json.loads(rivals.read_text()) if rivals.exists() else None
     draw(marks, truths, others, ROOT / "docs" / "pictures" / "front.png")
     (ROOT / "docs" / "results" / "front.md").write_text(page(marks, truths, crossing, sizes, others, machine()))
