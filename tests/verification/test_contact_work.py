@@ -258,10 +258,11 @@ def fallen(tool: Mapping[str, Any], height: float, speed: float, step: float, su
     return Fall(np.array(energy), work, max(each.energies["kinetic"] for each in seen), told)
 
 
-@pytest.mark.parametrize(("speed", "step"), [(0.05, 5e-4), (0.3, 5e-3)])
+@pytest.mark.parametrize(("speed", "step"), [(0.05, 5e-4), (0.2, 5e-4), (0.3, 5e-3)])
 def test_a_block_of_xpbd_that_falls_on_a_ball_gains_nothing(speed: float, step: float) -> None:
     """A patch under what is round yields by the force that it has at the end of a substep. By the one at its start a
-    ball at rest did work, 6 % of the most that moved at the lower speed."""
+    ball at rest did work, 6 % of the most that moved at the lower speed. Nor is it let in by what sweeps left open in
+    its depth, as if it had been handed over so: with that, short steps gained 1 to 3 %."""
     fall = fallen({"kind": "sphere", "radius": 0.012}, 0.0125, speed, step)
     assert fall.work < 0.0
     if speed < 0.1:

@@ -56,6 +56,8 @@ POINT, NODE, DIRECT, DEEP, EDGED = 0, 8, 16, 17, 18
 N_ROWS = 19
 DEEPEST_ROUNDOFF = 1e-9
 """penetrations below this are roundoff of a closed contact [m]"""
+JUST_DEEPER = 0.1
+"""share of its force by which a point under what is round is as deep as that says: more was handed over [1]"""
 NEAR = 4.0
 """how far a patch reaches beside its middle, in margins of contact"""
 EASE = 0.25
@@ -167,9 +169,11 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
         lag = lags[point, tool] if contacts.slow[tool] else 0.0
         in_parts = parameters.places[tool] > 0 and point >= model.n_surface
         due *= patch_yields(softness[point], 0.0 if in_parts else lag, due / grade) / grade
+        just = JUST_DEEPER * due if carried and not in_parts else 0.0
+        deeper = -gap - due if -gap - due > just else 0.0
         held = carried or state.steady[point, tool, 0] != 0.0 or state.steady[point, tool, 1] != 0.0
         rank = 0.0 if held or gap <= 0.0 else 1.0 if gap < contacts.ahead[tool] else 2.0
-        found[point, 0], found[point, 1], found[point, 2], found[point, 3] = gap, -gap - due, rank, lag
+        found[point, 0], found[point, 1], found[point, 2], found[point, 3] = gap, deeper, rank, lag
 
 
 @njit(cache=True, error_model="numpy")
