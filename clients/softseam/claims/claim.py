@@ -31,8 +31,7 @@ h    the true peak is between two steps, but for compression: tools stop within 
      is one step's all for whatever these move, compression, too: a force is reached within one, and passed at its end
 f    two curves that cross, or that an edge within a cell bends alike, differ by less than either errs; forces of tools
      most often, whose edges lie anywhere within cells of both, stress, runs by XPBD, whose model's error may be the
-     sibling's of its cells, and single numbers, but for a compression that tools prescribe. Meshes that press are felt
-     as round as they are wide: a blunt cone up to a seventh too firmly, on cells twice as long by nearly as much
+     sibling's of its cells, and single numbers, but for a compression that tools prescribe
 
 Nothing is claimed of slip while a body only creeps: points beside the edges of a contact slide by a hundredth of a
 cell, which neither these cells nor longer ones show. And what would be claimed to be off by more than it is, is *not
@@ -57,7 +56,6 @@ from softseam_protocol.quantities import OF_TOOLS, quantity
 from softseam_protocol.scene.bodies import MeshShape
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
-from softseam_protocol.scene.tools import MeshTool
 
 Floats = NDArray[np.float64]
 Read = Callable[[Floats, Floats], tuple[float, float, float]]
@@ -116,8 +114,6 @@ LEAST = 0.002
 """f [1]"""
 LEAST_OTHERWISE = 0.01
 """and of forces of tools, of stress, of a run by XPBD or by both models, and of single numbers [1]"""
-LEAST_OF_MESHES = 0.15
-"""and of the force of one tool that is a mesh [1]"""
 FINER = LONGER / (LONGER - 1.0)
 """times d that is claimed where the sibling has the shorter cells and steps, so that d is less than the error: (2) of
 sibling.py, of first order [1]"""
@@ -150,7 +146,6 @@ class Scale:
     least  f of eq. (3) [1]
     beside h, times 2 of tools' forces, and where forces time the motion [1]
     cell   longest edge of the run's cells; 0 where any slip is of a body that slides [m]
-    meshes names of tools that are meshes
     """
 
     alike: bool
@@ -164,7 +159,6 @@ class Scale:
     least: float = LEAST
     beside: float = BESIDE
     cell: float = 0.0
-    meshes: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, scene: Scene, report: Mapping[str, Any], finer: bool, cell: float = 0.0) -> Scale:
@@ -179,13 +173,11 @@ class Scale:
         beyond = BEYOND_OTHERWISE if meshes else None
         least = LEAST if alike else LEAST_OTHERWISE
         beside = (2.0 if timed else 1.0) * BESIDE
-        tools = frozenset(name for name, tool in scene.tools.items() if isinstance(tool, MeshTool))
-        scale = cls(alike, taken, timed, finer=finer, free=free, beyond=beyond, least=least, beside=beside, cell=cell)
-        return replace(scale, meshes=tools)
+        return cls(alike, taken, timed, finer=finer, free=free, beyond=beyond, least=least, beside=beside, cell=cell)
 
     def at(self, name: str) -> Scale:
         """That of a quantity."""
-        owner, _, kind = name.rpartition(".")
+        kind = name.rpartition(".")[2]
         if kind == "slip":
             return replace(self, small=OF_SLIP, beyond=1.0, timed=True, late=LONGER)
         if kind == "compression":
@@ -196,8 +188,7 @@ class Scale:
             return replace(self, beyond=1.0 / SMALL if self.alike else 1.0, least=LEAST_OTHERWISE)
         if kind not in OF_TOOLS:
             return self
-        least = LEAST_OF_MESHES if owner in self.meshes else LEAST_OTHERWISE
-        return replace(self, small=OF_BLOWS if self.free else self.small, least=least, beside=2.0 * BESIDE)
+        return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OTHERWISE, beside=2.0 * BESIDE)
 
     @property
     def factor(self) -> float:
