@@ -31,6 +31,7 @@ from cubes import scene_of as cubes_of
 from rich.console import Console
 
 from softseam_protocol.scene.file import bundle_scene
+from softseam_protocol.scene.tools import BoxTool
 from softseam_services.body.body import Body
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
@@ -99,7 +100,8 @@ def tray_of(choice: Choice) -> Tray:
     centres = [0.5 * (body.x_rest.min(axis=0) + body.x_rest.max(axis=0)) for body in bodies if isinstance(body, Body)]
     names = list(simulation.tools.names)
     fingers = {name: names.index(name) for name in ("left", "right")}
-    times, ways, phases = [0.0], {name: [list(scene.tools[name].position)] for name in fingers}, [0]
+    tools = {name: tool for name, tool in scene.tools.items() if isinstance(tool, BoxTool)}
+    times, ways, phases = [0.0], {name: [list(tools[name].position)] for name in fingers}, [0]
     try:
         while not simulation.done:
             report = simulation.step()
@@ -110,14 +112,14 @@ def tray_of(choice: Choice) -> Tray:
     finally:
         simulation.close()
     last = {phase: max(t for t, of in zip(times, phases, strict=True) if of == phase) for phase in set(phases)}
-    tool = scene.tools["left"]
+    tool = tools["left"]
     return Tray(
         edge=EDGE,
         cubes=np.array(centres).tolist(),
         velocities=[[0.0] * 3 for _ in centres],
         material=_material(),
         walls=[
-            {"size": list(scene.tools[name].size), "position": list(scene.tools[name].position), "friction": 0.0}
+            {"size": list(tools[name].size), "position": list(tools[name].position), "friction": 0.0}
             for name in ("west", "east", "south", "north")
         ],
         floor=scene.tools["floor"].friction,
@@ -132,7 +134,7 @@ def tray_of(choice: Choice) -> Tray:
 
 
 def _material() -> dict[str, float]:
-    own = {name: float(SOFT[name]) for name in ("young", "poisson", "density")}
+    own = {name: float(str(SOFT[name])) for name in ("young", "poisson", "density")}
     return {**own, "damping": 0.01, "friction": 0.4}
 
 
@@ -205,7 +207,7 @@ def _meeting(choice: Choice) -> tuple[Floats, Floats]:
     touch = {"touch": {"kind": "contact", "between": ["one", "other"], "friction": 0.4}}
     scene = cubes_of(bodies, interfaces=touch, gravity=[0, 0, 0], duration=MEETS, step=choice.step, tools={})
     simulation = Simulation(bundle_scene(scene), EmbeddedTransport())
-    mass = material["density"] * EDGE**3
+    mass = _material()["density"] * EDGE**3
     try:
         while not simulation.done:
             report = simulation.step()

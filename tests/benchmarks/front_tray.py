@@ -99,13 +99,13 @@ def ended(
 
     grips = [[mean(name, look) for name in ("left", "right")] for look in ("held", "air")]
     floor, under = mean("floor", "rest"), mean("under", "rest")
-    before, after = (np.array(each, dtype=float) for each in momenta)
+    before, after = momenta
     return {
         "force": [None if None in pair else 0.5 * sum(pair) for pair in grips],  # type: ignore[arg-type]
         "seconds": cpu / max(tray.duration - tray.closes, 1e-9),
         "floor": None if floor is None else floor / (weight * len(tray.cubes)),
         "under": None if under is None else under / weight,
-        "momentum": float(np.linalg.norm(after - before) / max(np.linalg.norm(before), 1e-30)),
+        "momentum": float(np.linalg.norm(after - before)) / max(float(np.linalg.norm(before)), 1e-30),
         "grid": grid,
         "looks": looks,
     }

@@ -108,6 +108,7 @@ def test_a_solver_of_messages_is_served_in_the_same_order(endpoint: str, bus: Bu
 
     names = ("repeat", "redo", "commit", "discard", "restore", "release", "stale_step", "old_epoch", "step_ahead")
     with serving(Participant(build), "springs", connect=endpoint):
+        assert bus.wait_answers(Keys().every_live("participant", "springs"), Keys().echo("springs"))
         rows = run_checks(Service(bus, KEY, "springs"), names)
     assert {row.outcome for row in rows} == {PASSED}, rows
 

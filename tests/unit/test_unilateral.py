@@ -108,7 +108,7 @@ def test_a_part_adds_what_its_own_rows_yield(as_root: bool) -> None:
     root, weights = rng.normal(size=(12, 7)), rng.normal(size=(5, 4))
     weights[[1, 3]] = weights[:, 2] = 0.0
     for rows in (weights, np.zeros((5, 4))):
-        part = CoupledPart(rows, 0.0, **({"root": root} if as_root else {"compliance": root @ root.T}))
+        part = CoupledPart(rows, 0.0, root=root) if as_root else CoupledPart(rows, 0.0, compliance=root @ root.T)
         spread = np.kron(rows, np.eye(3))
         found = np.eye(15)
         part.add_row_compliance(found)
