@@ -97,7 +97,7 @@ def test_pieces_and_cavities() -> None:
     refused(*join((CUBE, CUBE_TRIANGLES), cavity, island), "2 separate bodies")
     vertices, triangles, notes = read(*join((CUBE, CUBE_TRIANGLES), cavity))
     assert enclosed_volume(vertices, triangles) == pytest.approx(0.04 * 0.03 * 0.02 - 2e-6, rel=1e-12)
-    assert notes == ("1 shells were turned inside out to face outward",)
+    assert notes == ("1 shells were turned inside out: the outermost faces outward, one in it is a cavity",)
 
 
 @pytest.mark.kernels

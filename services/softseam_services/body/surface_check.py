@@ -50,7 +50,7 @@ def check_surface(path: str, vertices: Floats, triangles: Ints) -> tuple[Ints, f
     if flipped:
         notes.append(f"{flipped} triangles were turned over to agree with their neighbours")
     if inverted:
-        notes.append(f"{inverted} shells were turned inside out to face outward")
+        notes.append(f"{inverted} shells were turned inside out: the outermost faces outward, one in it is a cavity")
     return triangles, volume, tuple(notes)
 
 
