@@ -11,7 +11,8 @@ from .trust import COLLAPSED
 
 @njit(cache=True, error_model="numpy")
 def find_slow(mass, v, position, position_next, dt, least, slow):
-    """slow (t,) <- whether tools go by less than `least` [m] in a step of dt [s], as the body sees them, in place.
+    """slow (t,) <- whether tools go, or go by, less than `least` [m] in a step of dt [s], as the world or the body sees
+    them, in place. So one at rest is slow, whatever falls on it: its law does not change while it is touched.
 
     mass (n,) [kg], v (n, 3) [m/s]; position, position_next (t, 3) [m]
     """
@@ -22,10 +23,12 @@ def find_slow(mass, v, position, position_next, dt, least, slow):
         my += mass[i] * v[i, 1]
         mz += mass[i] * v[i, 2]
     for tool in range(len(slow)):
-        x = position_next[tool, 0] - position[tool, 0] - dt * mx / total
-        y = position_next[tool, 1] - position[tool, 1] - dt * my / total
-        z = position_next[tool, 2] - position[tool, 2] - dt * mz / total
-        slow[tool] = np.sqrt(x * x + y * y + z * z) < least
+        x = position_next[tool, 0] - position[tool, 0]
+        y = position_next[tool, 1] - position[tool, 1]
+        z = position_next[tool, 2] - position[tool, 2]
+        goes = np.sqrt(x * x + y * y + z * z)
+        x, y, z = x - dt * mx / total, y - dt * my / total, z - dt * mz / total
+        slow[tool] = min(goes, np.sqrt(x * x + y * y + z * z)) < least
 
 
 @njit(cache=True, error_model="numpy")
