@@ -28,7 +28,7 @@ from softseam_protocol.facts import machine
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = ROOT / "out" / "front"
 FEM, XPBD = "fem", "pbd"
-STIFF = (1e5, 3e5, 1e6)
+STIFF = (5e4, 1e5, 3e5, 1e6, 5e6)
 """Young's moduli between which FEM and XPBD change places [Pa]"""
 
 

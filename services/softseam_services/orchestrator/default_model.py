@@ -28,7 +28,7 @@ WORTH = 20.0
 """FEM on all cells is worth so many times what XPBD costs [1]"""
 LARGEST = 100_000
 """unknowns of the largest body that FEM has without being asked to: its factor takes 1.5 GB [1]"""
-PASSED = 1.3
+PASSED = 0.85
 """cells that waves pass in a millisecond, up to which a body that tools take among others is XPBD's [1]"""
 REACH = 0.5
 """cells of larger bodies that are closer than this to a tool that moves are FEM's [cell edges]"""
