@@ -24,7 +24,6 @@ from softseam.cli_options import (
 from softseam.commands import commands_after
 from softseam.variants import models
 from softseam_protocol.models import roles
-from softseam_protocol.scene.foods import FOODS
 
 app = typer.Typer(
     name="softseam",
@@ -39,11 +38,10 @@ app = typer.Typer(
 )
 
 if TYPE_CHECKING:
-    Food = str
     Model = str
     Role = str
 else:
-    Food, Model, Role = Literal[tuple(FOODS)], Literal[models()], Literal[roles()]
+    Model, Role = Literal[models()], Literal[roles()]
 
 
 def _out() -> Console:
@@ -275,30 +273,7 @@ def quantities() -> None:
     _out().print(table)
 
 
-@app.command(
-    epilog="[bold]Examples[/bold]\n\nsoftseam materials\n\nsoftseam materials --show tofu_firm --picture tofu_firm.png"
-)
-def materials(
-    show: Annotated[
-        Food | None, typer.Option("--show", metavar="NAME", help="All numbers of this one, with their sources.")
-    ] = None,
-    picture: Annotated[
-        Path | None, typer.Option("--picture", metavar="PNG", help="Draw what it does when pulled, pressed and held.")
-    ] = None,
-) -> None:
-    """Foods that a scene's `material` may name: their numbers, where these are from, and which are assumed."""
-    from softseam.foods import list_foods, show_food
-
-    if show is None and picture is not None:
-        raise typer.BadParameter("say with --show of which food", param_hint="--picture")
-    if show is None:
-        list_foods(_out())
-    else:
-        if picture is not None:
-            from softseam.outputs import check_outputs
-
-            check_outputs([("--picture", picture)], inputs={})
-        show_food(show, picture, _out())
+_list_after("quantities")
 
 
 @app.command()

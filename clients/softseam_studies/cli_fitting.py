@@ -1,13 +1,44 @@
-"""The commands that make files of others: `softseam fit`, `softseam surrogate`, `softseam import`."""
+"""The commands of numbers, given and found: `softseam materials`, `fit`, `surrogate` and `import`."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
 
 from softseam.cli_options import SceneArgument, Wanted, command
+from softseam_protocol.scene.foods import FOODS
+
+if TYPE_CHECKING:
+    FoodName = str
+else:
+    FoodName = Literal[tuple(FOODS)]
+
+MATERIALS = (
+    "[bold]What it does[/bold]\n\n"
+    "`material: tofu_firm` in a scene takes all numbers of a food, `material: {food: tofu_firm, young: 30e3}` all but "
+    "those that are said. What is simulated and recorded are numbers.\n\n"
+    "[bold]Examples[/bold]\n\n"
+    "softseam materials\n\n"
+    "softseam materials --show tofu_firm --picture tofu_firm.png"
+)
+
+
+@dataclass(frozen=True)
+class Foods:
+    """Foods that a scene's `material` may name: their numbers, where these are from, and which are assumed."""
+
+    show: Annotated[FoodName | None, typer.Option(metavar="NAME", help="All numbers of one, with their sources.")] = (
+        None
+    )
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw what it does when it is pulled, pressed and held.")
+    ] = None
+
+
+materials = command(Foods, "softseam_studies.foods.command:foods")
+
 
 FIT = (
     "[bold]What it does[/bold]\n\n"

@@ -8,11 +8,11 @@ import pytest
 from typer.testing import CliRunner
 
 from softseam.app import app
-from softseam.foods import lasting
-from softseam.view.food_curves import bar_stress
 from softseam_protocol.scene.file import SceneError, load_scene
 from softseam_protocol.scene.foods import FOODS, Food, Number
 from softseam_protocol.scene.scene import Scene
+from softseam_studies.foods.command import lasting
+from softseam_studies.foods.curves import bar_stress
 
 
 def scene(material: Any) -> dict[str, Any]:

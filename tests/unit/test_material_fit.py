@@ -72,7 +72,7 @@ def test_the_command_prints_the_material_and_draws_it(tmp_path: Path) -> None:
     [
         ("frequency,storage,loss\n" + "1,2,1\n" * 9, r":3: the frequency 1 rad/s does not follow"),
         ("frequency,storage\n1,2\n", "columns are frequency, storage, loss"),
-        ("frequency,storage,loss\n1,2e3,1\n2,2e3,1\n", "2 rows do not tell branches apart"),
+        ("frequency,storage,loss\n1,2e3,1\n2,2e3,1\n", "2 rows are too few"),
         ("frequency,storage,loss\n" + "".join(f"{k},-1,1\n" for k in range(1, 10)), ":2: a storage is above 0"),
         ("frequency,storage,loss\n" + "".join(f"{k},9.1,2.5\n" for k in range(1, 10)), "no soft solid's.*in Pa"),
         ("time,stretch,stress\n" + "".join(f"{k},{-k},1\n" for k in range(9)), r":2: a stretch is a length over"),

@@ -19,15 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from softseam_protocol.scene.materials import MOST_BRANCHES
+
 Floats = NDArray[np.float64]
 
-MOST = 6
-"""branches of a material"""
 LEAST_SHARE = 0.005
 """of the quick modulus: a branch with less is left out [1]"""
-_MOVES = 11
-_PIECES = 5.0
-"""steps of (2) in the shortest time of a branch, at least"""
 
 
 @dataclass(frozen=True)
@@ -83,9 +80,9 @@ def of_bar(time: Floats, stretch: Floats, stress: Floats) -> Branches:
 
 def _best(solved: Callable[[Floats], Branches], least: float, most: float) -> Branches:
     """Of times one a decade between these [s], or nearer, all of them moved by up to half a decade."""
-    count = int(np.clip(round(np.log10(most / least)) + 1, 1, MOST)) if most > least else 1
+    count = int(np.clip(round(np.log10(most / least)) + 1, 1, MOST_BRANCHES)) if most > least else 1
     times = np.geomspace(least, most, count) if count > 1 else np.array([np.sqrt(least * most)])
-    return min((solved(factor * times) for factor in 10.0 ** np.linspace(-0.5, 0.5, _MOVES)), key=lambda each: each.off)
+    return min((solved(factor * times) for factor in 10.0 ** np.linspace(-0.5, 0.5, 11)), key=lambda each: each.off)
 
 
 def _branch_stress(time: Floats, stretch: Floats, times: Floats) -> Floats:
@@ -97,7 +94,7 @@ def _branch_stress(time: Floats, stretch: Floats, times: Floats) -> Floats:
 
     start, before = time[0], 1.0
     for row, (now, after) in enumerate(zip(time, stretch, strict=True)):
-        pieces = max(1, int(np.ceil(_PIECES * (now - start) / times.min())))
+        pieces = max(1, int(np.ceil(5.0 * (now - start) / times.min())))
         h, change = (now - start) / pieces, (after - before) / pieces
         for piece in range(pieces):
             length = before + piece * change

@@ -30,14 +30,16 @@ from softseam_studies.fit.numbers import Number, numbers_of
 def fit_curve(wishes: Fit, console: Console) -> Answer | Branches:
     """Fit, print, and write what is asked for. Raises BadInput, SceneRefused and SimulationFailed."""
     if wishes.curve is not None:
-        return fit_scene(wishes, wishes.curve, console)
+        return fit_scene(wishes, console)
     if not wishes.scene.endswith(".csv"):
         raise BadInput(f"softseam fit {wishes.scene}: say what was measured, a .csv file, after the scene")
     return fit_material(Path(wishes.scene), wishes.picture, console)
 
 
-def fit_scene(wishes: Fit, path: Path, console: Console) -> Answer:
-    """The scene's numbers, of a curve in a file. Raises BadInput, SceneRefused and SimulationFailed."""
+def fit_scene(wishes: Fit, console: Console) -> Answer:
+    """A scene's numbers, of its tools' forces. Raises BadInput, SceneRefused and SimulationFailed."""
+    assert wishes.curve is not None
+    path = wishes.curve
     if wishes.runs < 2:
         raise BadInput(f"--runs {wishes.runs}: at least 2, one to begin with and one to try")
     given, bundle = bundle_of(wishes.scene)

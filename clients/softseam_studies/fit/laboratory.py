@@ -27,8 +27,6 @@ SWEEP, BAR = ("frequency", "storage", "loss"), ("time", "stretch", "stress")
 UNITS = {"frequency": "rad/s", "storage": "Pa", "loss": "Pa", "time": "s", "stretch": "1", "stress": "Pa"}
 SOFTEST, STIFFEST = 100.0, 1e8
 """quick shear moduli that a soft solid may have [Pa]"""
-_LEAST_STRETCH, _MOST_STRETCH = 0.2, 4.0
-_FEWEST = 8
 _POISSON = FOODS["tofu_firm"].numbers["poisson"].value
 
 
@@ -76,8 +74,8 @@ def read_measured(path: Path) -> Measured:
             f"{path}:1: columns are {', '.join(SWEEP)} [rad/s, Pa, Pa] of a sweep, or {', '.join(BAR)} [s, 1, Pa] of a "
             "bar whose sides are free"
         )
-    if len(table) < _FEWEST:
-        raise BadInput(f"{path}: {len(table)} rows do not tell branches apart: {_FEWEST} at least")
+    if len(table) < 8:
+        raise BadInput(f"{path}: {len(table)} rows are too few for a modulus and branches: 8 at least")
     columns = {name: table[:, place] for place, name in enumerate(names)}
     first = "frequency" if "frequency" in columns else "time"
     if first == "frequency":
@@ -88,7 +86,7 @@ def read_measured(path: Path) -> Measured:
     check_order(path, first, UNITS[first], columns[first], lines)
     if first == "time":
         stretch = columns["stretch"]
-        outside = (stretch < _LEAST_STRETCH) | (stretch > _MOST_STRETCH)
+        outside = (stretch < 0.2) | (stretch > 4.0)
         _refuse(path, outside, lines, "a stretch is a length over the first one, .9 where it is pressed by 10 %")
         if not (np.abs(stretch - 1.0) > 0.0).any() or not columns["stress"].any():
             raise BadInput(f"{path}: nothing is pulled or pressed: stretch is 1 or stress is 0 in every row")

@@ -23,7 +23,6 @@ from softseam_protocol.scene.foods import Food
 Floats = NDArray[np.float64]
 
 QUICK, SLOW = "#c2410c", "#1d4ed8"
-_HALVINGS = 60
 
 
 def bar_stress(food: Food, stretch: Floats, faded: bool) -> Floats:
@@ -43,7 +42,7 @@ def bar_stress(food: Food, stretch: Floats, faded: bool) -> Floats:
         return along, lasting * (across**2 - 1.0) + second * np.log(volume) - q / 3.0
 
     low, high = np.full_like(stretch, 0.2), np.full_like(stretch, 5.0)
-    for _ in range(_HALVINGS):  # the side's stress grows with its stretch
+    for _ in range(60):  # the side's stress grows with its stretch
         middle = 0.5 * (low + high)
         above = both(middle)[1] > 0.0
         low, high = np.where(above, low, middle), np.where(above, middle, high)

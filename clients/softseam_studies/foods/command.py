@@ -9,7 +9,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from softseam.errors import BadInput
+from softseam.outputs import check_ending, check_outputs
 from softseam_protocol.scene.foods import FOODS, Food, Number
+from softseam_studies.cli_fitting import Foods
+from softseam_studies.foods.curves import draw_food
 
 UNITS = {
     "young": ("kPa", 1e-3),
@@ -20,6 +24,16 @@ UNITS = {
     "fracture_energy": ("J/m²", 1.0),
 }
 """of each number, as it is shown, and how often its SI unit goes into that"""
+
+
+def foods(wishes: Foods, console: Console) -> None:
+    """List all, or show one. Raises BadInput."""
+    if wishes.show is not None:
+        show_food(wishes.show, wishes.picture, console)
+    elif wishes.picture is not None:
+        raise BadInput("--picture: say with --show of which food")
+    else:
+        list_foods(console)
 
 
 def list_foods(console: Console) -> None:
@@ -47,6 +61,9 @@ def list_foods(console: Console) -> None:
 def show_food(name: str, picture: Path | None, console: Console) -> None:
     """All of one: its numbers, their sources, and its curves where a picture is asked for."""
     food = FOODS[name]
+    if picture is not None:
+        check_ending("--picture", picture, ".png", "a picture")
+        check_outputs([("--picture", picture)], inputs={})
     console.print(f"{name}: {food.what}\n")
     table = Table(box=None, pad_edge=False, header_style="dim")
     for heading in ("", "value", "measured", "from"):
@@ -63,8 +80,6 @@ def show_food(name: str, picture: Path | None, console: Console) -> None:
         text = f"No law takes {', '.join(food.besides)} yet: friction is of tools and contacts, and nothing breaks."
         console.print("\n" + textwrap.fill(text, 100))
     if picture is not None:
-        from softseam.view.food_curves import draw_food
-
         console.print(f"\n{draw_food(name, food, picture)}")
 
 
