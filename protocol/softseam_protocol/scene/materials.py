@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     ConfigDict,
@@ -26,6 +27,16 @@ from softseam_protocol.scene.spec import NonNegative, Positive, Spec, not_among,
 from softseam_protocol.table import Table
 
 
+class BranchSpec(Spec):
+    """A part of the stress that fades while the shape is held: a spring in series with a dashpot."""
+
+    share: float = Field(gt=0.0, le=1.0, description="share of the shear modulus that fades [1]")
+    time: Positive = Field(description="time in which it fades to 1/e [s]")
+
+
+MOST_BRANCHES = 6
+
+
 class MaterialSpec(Spec):
     """What every law has: elastic constants, which it meets Hooke's law with at small strains. Each kind is a subclass
     with the parameters of its own, a row of MATERIALS."""
@@ -40,6 +51,35 @@ class MaterialSpec(Spec):
         "omega has the damping ratio half omega times this, and the loss factor tan delta omega times this; below a "
         "step's (of pbd a substep's) length implicit Euler damps more [s]",
     )
+    relaxation: tuple[BranchSpec, ...] = Field(
+        default=(),
+        max_length=MOST_BRANCHES,
+        description="parts of the stress that fade, a generalised Maxwell solid: young and poisson are what a quick "
+        "load feels, the bulk modulus stays, and of the shear modulus lasts what is left of one",
+    )
+
+    @model_validator(mode="after")
+    def _fades(self) -> Self:
+        if not self.relaxation:
+            return self
+        shares = math.fsum(branch.share for branch in self.relaxation)
+        if round(shares, 9) > 1.0:
+            raise wrong(
+                f"shares of {', '.join(f'{branch.share:g}' for branch in self.relaxation)} are {shares:g} of the shear "
+                "modulus: all of them are 1 at most, and what is left lasts",
+                "relaxation",
+            )
+        if self.kind == "linear":
+            raise wrong(
+                "linear knows small strains only, branches that relax know turns: use neo_hookean", "relaxation"
+            )
+        if self.retardation_time > 0.0:
+            raise wrong(
+                "retardation_time and relaxation are two viscosities of one body: say one, retardation_time for what "
+                "merely stops ringing",
+                "relaxation",
+            )
+        return self
 
 
 class NeoHookeanMaterial(MaterialSpec):
@@ -152,8 +192,9 @@ def _dumped(spec: MaterialSpec, info: SerializationInfo) -> dict[str, Any]:
 
 
 def _as_hashed(said: dict[str, Any]) -> dict[str, Any]:
-    """In version 1 of the scene format every material says its ratio: hashes of what ships with scenes hold it."""
-    return {"ratio": None} | said
+    """In version 1 of the scene format every material says its ratio, and none that it does not relax: hashes of what
+    ships with scenes hold it so."""
+    return {"ratio": None} | {key: value for key, value in said.items() if key != "relaxation" or value}
 
 
 AnyMaterial = Annotated[MaterialSpec, _ByKind()]
