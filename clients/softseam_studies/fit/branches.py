@@ -7,7 +7,7 @@ Every test is linear in the moduli of springs behind dashpots of given times, on
 
 P: force over first area, l: stretch, q_i: that of a dashpot, 1 at first; of a bar whose sides are free and whose volume
 stays. (1): Ferry, Viscoelastic Properties of Polymers, 3; (2): a neo-Hookean branch, Ci = diag(q^2, 1/q, 1/q), by
-dCi/dt = (C - tr(C Ci^-1)/3 Ci)/t (docs/decisions/65-laws-with-state.md).
+dCi/dt = (C - tr(C Ci^-1)/3 Ci)/t (docs/decisions/65-laws-that-relax.md).
 """
 
 from __future__ import annotations

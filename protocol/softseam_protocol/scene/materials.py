@@ -36,7 +36,6 @@ class BranchSpec(Spec):
 
 
 MOST_BRANCHES = 6
-_ROUNDED = 1e-9
 
 
 class MaterialSpec(Spec):
@@ -65,7 +64,7 @@ class MaterialSpec(Spec):
         if not self.relaxation:
             return self
         shares = math.fsum(branch.share for branch in self.relaxation)
-        if shares > 1.0 + _ROUNDED:
+        if round(shares, 9) > 1.0:
             raise wrong(
                 f"shares of {', '.join(f'{branch.share:g}' for branch in self.relaxation)} are {shares:g} of the shear "
                 "modulus: all of them are 1 at most, and what is left lasts",
