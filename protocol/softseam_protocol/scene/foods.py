@@ -37,6 +37,9 @@ GRILLED = "J. Food Quality 2022, 9176628, table 4"
 NOODLES = "JAKO198303041889139, koreascience.or.kr"
 
 
+Relaxation = tuple[tuple[tuple[float, float], ...], str]
+
+
 @dataclass(frozen=True)
 class Number:
     """One of a food's numbers, in SI units.
@@ -68,7 +71,7 @@ class Food:
 
     what: str
     numbers: Mapping[str, Number]
-    relaxation: tuple[tuple[tuple[float, float], ...], str] = ((), ASSUMED)
+    relaxation: Relaxation = ((), ASSUMED)
     besides: Mapping[str, Number] = field(default_factory=dict)
 
     @property
@@ -90,14 +93,17 @@ def _of(young: Number, poisson: Number | None = None, density: Number | None = N
     }
 
 
-_POWER_LAW = ((0.21, 0.01), (0.16, 0.1), (0.13, 1.0), (0.10, 10.0)), f"{ASSUMED}: a shear modulus as the frequency^.1"
+_POWER_LAW: Relaxation = (
+    ((0.21, 0.01), (0.16, 0.1), (0.13, 1.0), (0.10, 10.0)),
+    f"{ASSUMED}: a shear modulus as the frequency^.1",
+)
 
 FOODS: Table[Food] = Table(
     "foods",
     {
         "tofu_firm": Food(
             "organic firm tofu",
-            _of(Number(36.0e3, ST_PIERRE, (34.3e3, 45.4e3))),
+            _of(Number(35.5e3, ST_PIERRE, (33.8e3, 44.8e3))),
             (((0.12, 0.05), (0.12, 0.5), (0.12, 5.0)), ASSUMED),
             {
                 "friction": Number(0.3),
