@@ -25,8 +25,6 @@ Floats = NDArray[np.float64]
 
 SWEEP, BAR = ("frequency", "storage", "loss"), ("time", "stretch", "stress")
 UNITS = {"frequency": "rad/s", "storage": "Pa", "loss": "Pa", "time": "s", "stretch": "1", "stress": "Pa"}
-SOFTEST, STIFFEST = 100.0, 1e8
-"""quick shear moduli that a soft solid may have [Pa]"""
 _POISSON = FOODS["tofu_firm"].numbers["poisson"].value
 
 
@@ -47,7 +45,7 @@ class Measured:
         """Its branches. Raises BadInput where no soft solid has such."""
         of = of_sweep if self.of_frequency else of_bar
         found = of(*(self.columns[name] for name in (SWEEP if self.of_frequency else BAR)))
-        if not SOFTEST <= found.quick <= STIFFEST:
+        if not 100.0 <= found.quick <= 1e8:
             stress = "storage and loss are" if self.of_frequency else "stress is"
             raise BadInput(f"{self.path}: a shear modulus of {found.quick:.3g} Pa is no soft solid's: {stress} in Pa")
         return found

@@ -48,8 +48,6 @@ AS_WRITTEN = "as written"
 
 EARTH = 9.81
 """gravity there [m/s^2]"""
-STRONGEST = 100.0 * EARTH
-"""gravity that is beyond what any soft body stands, and taken for wrong units [m/s^2]"""
 
 
 class BudgetSpec(Spec):
@@ -64,7 +62,7 @@ class SeveralBodies(ValueError):
 
 def _some_gravity(gravity: Vector) -> Vector:
     size = math.hypot(*gravity)
-    if size > STRONGEST:
+    if size > 100.0 * EARTH:  # nothing soft stands it
         raise wrong(f"{size:.4g} m/s^2 is {size / EARTH:.3g} times the earth's: it is in m/s^2, not in mm/s^2")
     return gravity
 
