@@ -21,20 +21,20 @@ def bulges(body: Body, region: Region) -> Floats:
     is flat, hollow or a crease, and of those for display (p,) [m]."""
     h = 0.5 * body.edges
     along = 1.0 - np.abs(2.0 * np.abs(np.clip(region.point_local, -1.0, 1.0)) - 1.0) ** 2
-    curvature = _curvatures(body, float(h.min()))[region.points]
-    return np.asarray(np.maximum(0.0, (curvature * along) @ (0.125 * h**2)))
+    bends = np.einsum("ia,pij,ja->pa", body.axes, curvatures(body)[region.points], body.axes)
+    return np.asarray(np.maximum(0.0, (bends * along) @ (0.125 * h**2)))
 
 
-def _curvatures(body: Body, reach: float) -> Floats:
-    """Curvature of the surface at its points along each axis of the body's boxes (P, 3) [1/m]; of what is nearer than
-    `reach` [m] and no crease.
+def curvatures(body: Body) -> Floats:
+    """How the normal turns along the surface at the points of it that tools touch, positive where it is round, 0 at
+    others and at creases (P, 3, 3) [1/m].
 
-    K of least sum |n_j - n - K (x_j - x)|^2, in the tangent plane.
+    K of least sum |n_j - n - K (x_j - x)|^2, in the tangent plane, over points nearer than half a cell's edge.
     """
-    surface = body.surface
+    surface, reach = body.surface, 0.5 * body.resolution
     touched = np.flatnonzero(surface.area > 0.0)
     x, normal = rest_points(body)[touched], surface.normal[touched]
-    curvature = np.zeros((body.n_points, 3))
+    curvature = np.zeros((body.n_points, 3, 3))
     pairs = cKDTree(x).query_pairs(reach, output_type="ndarray")
     first, second = pairs.T
     alike = np.einsum("pi,pi->p", normal[first], normal[second]) > NO_CREASE
@@ -52,7 +52,5 @@ def _curvatures(body: Body, reach: float) -> Floats:
     size = np.trace(spread, axis1=1, axis2=2)
     across = spread + size[:, None, None] * normal[:, :, None] * normal[:, None, :]
     known = np.linalg.eigvalsh(across)[:, 0] > _LEAST * size
-    bend = np.zeros_like(spread)
-    bend[known] = turn[known] @ np.linalg.inv(across[known])
-    curvature[touched] = np.einsum("ia,pij,ja->pa", body.axes, bend, body.axes)
+    curvature[touched[known]] = turn[known] @ np.linalg.inv(across[known])
     return curvature
