@@ -137,6 +137,7 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         else np.zeros(0),
         point_give=points.give,
         point_lag=points.lag,
+        ease=points.ease,
         friction_factor=body.friction_field.at_points(x_rest, model.indptr, model.node, weight),
         kind=felt.kind,
         shape=felt.shape,

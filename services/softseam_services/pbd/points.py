@@ -12,17 +12,21 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from softseam_services.body.body import Body, Floats, Ints, Region
-from softseam_services.body.contact_points import is_embedded, point_stiffness
+from softseam_services.body.bulges import bulges
+from softseam_services.body.contact_points import PENALTY, is_embedded, point_stiffness
 from softseam_services.body.interpolate import point_weights
 from softseam_services.body.outer_faces import outer_faces
 from softseam_services.shapes.branches import CYLINDER
 from softseam_services.tools.edged import pressing_between
 from softseam_services.tools.face_points import FacePoints, face_points
-from softseam_services.tools.kernels import DENSE, LIGHT, WIDE, sag_by
+from softseam_services.tools.kernels import DENSE, LIGHT, SAG, WIDE, sag_by
 from softseam_services.tools.tool_set import ToolSet
 
 THINNEST = 0.125
 """half the length of a cylinder that presses inside faces, in edges of a cell"""
+
+FLATTENED = 8.0 * SAG
+"""s over how far what is round stands out, h^2/8R, between nodes [1]"""
 
 Mask = NDArray[np.bool_]
 Rows = tuple[Ints, Ints, Floats]
@@ -43,6 +47,8 @@ class Points(NamedTuple):
     lag: Floats
     """how much farther a point that is pressed firmly is inside a tool for its being round, (1 - LIGHT/DENSE) s of
     tools/kernels/patch.py (p, t) [m]"""
+    ease: float
+    """q/(1 - q) of the law there, q = LIGHT/DENSE; of an embedded surface LIGHT/PENALTY [1]"""
     visits: Ints
     """the order in which contacts take them (p,)"""
 
@@ -52,14 +58,17 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
     without tools that press between nodes."""
     indptr, node, weight = point_weights(body, region, "hex8")
     touches = np.tile(body.surface.area[region.points][:, None] > 0.0, len(tools.names))
-    give, lag = np.zeros(len(touches)), np.zeros(touches.shape)
+    give, lag, ease = np.zeros(len(touches)), np.zeros(touches.shape), LIGHT / (DENSE - LIGHT)
     if is_embedded(body):
         stiffness = point_stiffness(body, region, np.full(len(give), 0.5 * body.resolution))
         np.divide(1.0, stiffness, out=give, where=stiffness > 0.0)
+    if body.cut:
+        ease = LIGHT / (PENALTY - LIGHT)
+        lag[:] = ((1.0 - LIGHT / PENALTY) * FLATTENED * bulges(body, region))[:, None]
     between = pressing_between(tools, body) & ~_thin_discs(tools, body)
     if not between.any():
         visits = _by_colours(body, region, indptr, node)
-        return Points((indptr, node, weight), np.zeros((len(weight), 2)), touches, give, lag, visits)
+        return Points((indptr, node, weight), np.zeros((len(weight), 2)), touches, give, lag, ease, visits)
     inner = face_points(body, region, outer_faces(body, region), "hex8")
     h = inner.edge[inner.face] * np.where(coarse[inner.cell], 1.0, 0.5)  # of blocks
     visits = _by_colours(body, region, inner.indptr, inner.node)
@@ -74,6 +83,7 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
         np.concatenate([touches, np.tile(between, (len(inner.cell), 1))]),
         np.concatenate([give, h / (DENSE * _young(body, region, inner) * inner.area)]),
         np.concatenate([lag, (1.0 - LIGHT / DENSE) * tools.bends * _sag(tools.half_width, h[:, None])]),
+        ease,
         np.concatenate([np.arange(len(touches), dtype=np.int32), len(touches) + visits]),
     )
 

@@ -155,6 +155,8 @@ class ParameterArrays(NamedTuple):
     """as of `Points.give` (p,) [m/N]"""
     point_lag: Floats
     """as of `Points.lag` (p, t) [m]"""
+    ease: float
+    """as of `Points.ease` [1]"""
     friction_factor: Floats
     """of each point, on the friction of every tool (p,) [1]"""
     # tools
