@@ -145,17 +145,25 @@ def hand_on(force: Floats, touches: Mask, n_surface: int, rows: Rows) -> None:
             force[takes, tool] += given
 
 
-def gather(force: Floats, rows: Rows, n_surface: int) -> Floats:
-    """Forces (p, t, 3) [N] on all points as forces on the surface's (k, t, 3) with the same sums: what acts inside a
-    face is its nodes', of those that have points on this side of a seam."""
-    summed = force[:n_surface].copy()
-    inner = np.arange(n_surface, len(force))
-    if len(inner):
-        single = np.flatnonzero(np.diff(rows[0])[:n_surface] == 1)
-        share = _shares(rows, inner, single).T
-        for tool in range(force.shape[1]):
-            summed[single, tool] += share @ force[inner, tool]
-    return summed
+class Gathering:
+    """Forces on points inside faces as forces on the surface's, with the same sums: of so many points of the surface,
+    and all points by the nodes that they follow."""
+
+    def __init__(self, rows: Rows, n_surface: int) -> None:
+        self._n_surface = n_surface
+        self._single = np.flatnonzero(np.diff(rows[0])[:n_surface] == 1)
+        inner = np.arange(n_surface, len(rows[0]) - 1)
+        self._share = _shares(rows, inner, self._single).T if len(inner) else None
+
+    def __call__(self, force: Floats) -> Floats:
+        """Forces (p, t, 3) [N] on all points as forces on the surface's (k, t, 3): what acts inside a face is its
+        nodes', of those that have points on this side of a seam."""
+        summed = force[: self._n_surface].copy()
+        if self._share is not None:
+            inner = force[self._n_surface :]
+            for tool in np.flatnonzero(inner.any(axis=(0, 2))).tolist():
+                summed[self._single, tool] += self._share @ inner[:, tool]
+        return summed
 
 
 def _shares(rows: Rows, gives: NDArray[np.int64], takes: NDArray[np.int64]) -> csr_array:
