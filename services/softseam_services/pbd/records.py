@@ -72,7 +72,7 @@ def new_state(n: int, b: int, p: int, t: int, r: int = 0, buffer: Floats | None 
     return PbdState(buffer, *views)
 
 
-MAGIC = b"softseam pbd 7\n"
+MAGIC = b"softseam pbd 8\n"
 
 
 def encode_state(state: PbdState, probed: Floats) -> bytes:

@@ -342,4 +342,5 @@ def start_state(
     kinetic = 0.5 * float(parameters.arrays.mass @ np.einsum("nc,nc->n", state.v, state.v))
     gravity = -float(parameters.arrays.mass @ ((state.x - parameters.arrays.x_rest) @ parameters.arrays.gravity))
     stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(parameters.arrays.x_rest, axis=0).max())
-    state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch, 0.0, 0.0
+    state.monitor[:] = 0.0
+    state.monitor[: trust.CREATED] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch
