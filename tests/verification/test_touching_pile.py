@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cubes import EDGE, FIRM, cube, piled, scene_of
+from cubes import EDGE, FIRM, SOFT, cube, piled, scene_of
 
 import softseam
 
@@ -22,6 +22,21 @@ def test_a_pile_of_eight_rests() -> None:
     assert still.energies["kinetic"] < 1e-12 * MASS * 9.81 * EDGE
     for name, body in still.bodies.items():
         assert np.abs(body.positions - seen[-20].bodies[name].positions).max() < 1e-12
+
+
+def test_what_a_landing_gains_is_paid_for_as_long_as_it_lasts() -> None:
+    """Two soft cubes that land take shorter substeps, and those that are planned once they have settled down; the
+    ground bears their weight, in the mean of steps to rounding."""
+    with softseam.open(piled(1, 2, 1, material=SOFT)) as sim:
+        sim.reset(seed=0)
+        seen = [sim.step() for _ in range(60)]
+    substeps = [max(part.substeps for part in one.report.parts.values()) for one in seen]
+    planned = substeps[0]
+    assert max(substeps[:10]) > planned and substeps[30:] == [planned] * 30
+    force = np.mean([one.wrench["ground"] for one in seen[30:]], axis=0)
+    speeds = [np.array(one.report.momentum) for one in (seen[29], seen[-1])]
+    weight = 2.0 * 1050.0 * EDGE**3 * 9.81
+    assert -force[2] == pytest.approx(weight + (speeds[1] - speeds[0])[2] / (30 * 0.005), rel=1e-9)
 
 
 def test_a_pile_of_eight_sleeps_and_wakes() -> None:

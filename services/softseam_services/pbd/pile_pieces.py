@@ -60,6 +60,7 @@ class Piece:
             all=np.array([0, model.blocks.n_batches], dtype=np.int32),
             own_mass=parameters.own_mass,
             substeps=scratch.planned,
+            plans=parameters.plans,
             sweeps=parameters.spec.sweeps,
             slowly=parameters.slowly,
             roundoff=parameters.roundoff,

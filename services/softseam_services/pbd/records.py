@@ -304,6 +304,8 @@ class Member(NamedTuple):
     """of nodes, see `PbdParameters` (n,) [kg]"""
     substeps: int
     """that are planned"""
+    plans: bool
+    """whether these are as many as are stable, see `PbdParameters`"""
     sweeps: int
     """of the scene, in each"""
     slowly: float

@@ -163,7 +163,7 @@ def step(
         return work, stay(parameters, state, scratch)._replace(
             fault=fault, n_substeps=n_substeps, sweeps=sweeps, notice=notice
         )
-    if trust.remember(work.monitor, result, floor):
+    if trust.remember(work.monitor, result, floor, parameters.plans):
         notice[Detail.SHORTER] = watch.GAINS
     to_plan = fault is watch.Fault.NONE and number == 0
     outputs = scratch.outputs

@@ -63,20 +63,20 @@ def fault_of(result, monitor, floor):
 
 
 @njit(cache=True, error_model="numpy")
-def remember(monitor, result, floor):
+def remember(monitor, result, floor, planned):
     """monitor (N_MONITOR,) <- the figures of a step; what waits to be shared out stays. floor [J] is roundoff.
 
-    A body that gains energy while tools touch it takes half the substep until none does, or until it has gained next to
-    none for a while, `PATIENCE`; returns whether that begins or is halved once more. An impact that passes is not paid
-    for as long as the body stands; what gains anew whenever substeps are longer waits twice as long each time, so that
-    n steps gain by log2(n/8) such trials at most.
+    A body that gains energy while tools touch it takes half the substep until none does; returns whether that begins
+    or is halved once more. Where its substeps are planned, and so are stable, what gained was a knock or the like: they
+    are longer again once next to nothing came from nowhere for a while, `PATIENCE`. If that was too early the next time
+    comes twice as late, so that n steps see log2(n/8) such trials at most. Others may be unstable for good.
     """
     created = max(0.0, monitor[CREATED] + rise(result, monitor) - result[k.PUSHED])
     touched = result[k.N_CONTACTS] > 0.0
     there = max(result[k.KINETIC] + result[k.STRAIN], LITTLE * floor)
     halves = touched and created > GAIN * there and monitor[HALVINGS] < SHORTEST
     calm = monitor[CALM] + 1.0 if created <= STEADY * GAIN * there else 0.0
-    longer = monitor[HALVINGS] > 0.0 and calm >= PATIENCE * 2.0 ** monitor[DOUBLINGS]
+    longer = planned and monitor[HALVINGS] > 0.0 and calm >= PATIENCE * 2.0 ** monitor[DOUBLINGS]
     change = 1.0 if halves else -1.0 if longer else 0.0
     monitor[HALVINGS] = monitor[HALVINGS] + change if touched else 0.0
     monitor[CALM] = calm if touched and change == 0.0 else 0.0
