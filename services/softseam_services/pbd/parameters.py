@@ -57,6 +57,11 @@ class PbdParameters:
         """Whether the region is stepped by leapfrog."""
         return self.spec.method == "leapfrog"
 
+    @property
+    def plans(self) -> bool:
+        """Whether substeps are as many as are stable, and not the scene's number."""
+        return self.spec.substeps == "auto"
+
     def substeps(self, dt: float) -> int:
         """`stable_substeps`, or the scene's number; SettingError where that is unstable for certain."""
         given = self.spec.substeps

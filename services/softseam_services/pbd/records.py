@@ -14,7 +14,7 @@ from .kernels.damping import N_FRAME
 from .kernels.hanging import Hanging
 from .kernels.lanes import LANES, aligned
 from .kernels.monitor import N_FIGURES
-from .kernels.pairs import N_ROWS, WIDTH
+from .kernels.pairs import EIGHT, N_ROWS, WIDTH
 from .kernels.summary import N_RESULTS
 from .kernels.trust import N_MONITOR
 
@@ -248,6 +248,8 @@ class Contacts(NamedTuple):
     """edges of points' patches as the step begins, 0 but inside faces that tools with edges press (p, 2, 3) [m]"""
     slow: NDArray[np.bool_]
     """tools that go by less than a patch in the step (t,)"""
+    lanes: int
+    """EIGHT, which the compiler does not know here: loops over so few lanes it would write out, number by number"""
 
 
 @record
@@ -307,6 +309,8 @@ class Member(NamedTuple):
     """of nodes, see `PbdParameters` (n,) [kg]"""
     substeps: int
     """that are planned"""
+    plans: bool
+    """whether these are as many as are stable, see `PbdParameters`"""
     sweeps: int
     """of the scene, in each"""
     slowly: float
@@ -350,6 +354,7 @@ def new_contacts(model: ModelArrays, n: int, t: int) -> Contacts:
         point_x=np.zeros((p, 3)),
         patch=np.zeros((p, 2, 3)),
         slow=np.ones(t, dtype=np.bool_),
+        lanes=EIGHT,
     )
 
 

@@ -163,7 +163,7 @@ def step(
         return work, stay(parameters, state, scratch)._replace(
             fault=fault, n_substeps=n_substeps, sweeps=sweeps, notice=notice
         )
-    if trust.remember(work.monitor, result, floor):
+    if trust.remember(work.monitor, result, floor, parameters.plans):
         notice[Detail.SHORTER] = watch.GAINS
     to_plan = fault is watch.Fault.NONE and number == 0
     outputs = scratch.outputs
@@ -342,4 +342,5 @@ def start_state(
     kinetic = 0.5 * float(parameters.arrays.mass @ np.einsum("nc,nc->n", state.v, state.v))
     gravity = -float(parameters.arrays.mass @ ((state.x - parameters.arrays.x_rest) @ parameters.arrays.gravity))
     stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(parameters.arrays.x_rest, axis=0).max())
-    state.monitor[:] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch, 0.0, 0.0
+    state.monitor[:] = 0.0
+    state.monitor[: trust.CREATED] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch

@@ -111,9 +111,9 @@ def _solve(row, lane, gap, nx, ny, nz, motion, hh, newer):
 
 
 @batch_kernel
-def solve_at_gaps(row, motion, hh, newer):
-    """The eight pairs of a group at their GAP."""
-    for lane in range(EIGHT):
+def solve_at_gaps(row, lanes, motion, hh, newer):
+    """The eight pairs of a group at their GAP; lanes is EIGHT, see `records.Contacts`."""
+    for lane in range(lanes):
         gap, nx = row[lane + EIGHT * col.GAP], row[lane + EIGHT * (col.GAP + 1)]
         ny, nz = row[lane + EIGHT * (col.GAP + 2)], row[lane + EIGHT * (col.GAP + 3)]
         _solve(row, lane, gap, nx, ny, nz, motion, hh, newer)
@@ -169,32 +169,29 @@ def _solve_softly(row, lane, motion, hh, newer, ease, lags):
 
 
 @batch_kernel
-def _is_open(row):
+def _is_open(row, lanes):
     """Whether no point of a group is in its tool at its GAP, or feels it, or remembers that it did."""
-    felt = 0.0
-    for lane in range(EIGHT):
-        inside = -row[lane + EIGHT * col.GAP] if row[lane + EIGHT * col.GIVE] > 0.0 else 0.0
-        felt = max(felt, inside, abs(row[lane + EIGHT * col.STEADY]), row[lane + EIGHT * (col.STEADY + 1)])
-        fx, fy, fz = (
-            row[lane + EIGHT * col.FORCE],
-            row[lane + EIGHT * (col.FORCE + 1)],
-            row[lane + EIGHT * (col.FORCE + 2)],
-        )
-        felt = max(felt, abs(fx), abs(fy), abs(fz))
-    return felt == 0.0
+    felt = 0
+    for lane in range(lanes):
+        fx, fy = row[lane + EIGHT * col.FORCE], row[lane + EIGHT * (col.FORCE + 1)]
+        feels = (fx != 0.0) | (fy != 0.0) | (row[lane + EIGHT * (col.FORCE + 2)] != 0.0)
+        remembers = (row[lane + EIGHT * col.STEADY] != 0.0) | (row[lane + EIGHT * (col.STEADY + 1)] > 0.0)
+        inside = (row[lane + EIGHT * col.GIVE] > 0.0) & (not row[lane + EIGHT * col.GAP] >= 0.0)
+        felt += 1 if feels | remembers | inside else 0
+    return felt == 0
 
 
 @batch_kernel
-def solve_softly(row, motion, hh, newer, ease):
-    """The eight pairs of a group at their GAP, with compliance: eq. (3)."""
-    lag = 0.0
-    for lane in range(EIGHT):
-        lag = max(lag, row[lane + EIGHT * col.LAG])
-    if lag > 0.0:
-        for lane in range(EIGHT):
+def solve_softly(row, lanes, motion, hh, newer, ease):
+    """The eight pairs of a group at their GAP, with compliance: eq. (3); lanes as of `solve_at_gaps`."""
+    lagging = 0
+    for lane in range(lanes):
+        lagging += 1 if row[lane + EIGHT * col.LAG] > 0.0 else 0
+    if lagging > 0:
+        for lane in range(lanes):
             _solve_softly(row, lane, motion, hh, newer, ease, True)
     else:
-        for lane in range(EIGHT):
+        for lane in range(lanes):
             _solve_softly(row, lane, motion, hh, newer, ease, False)
 
 
@@ -212,7 +209,7 @@ def project_contacts(model, parameters, contacts, xw, hh, squeezed):
     lends = np.sqrt(hh) / (MEMORY + np.sqrt(hh))
     position, orientation, motion = contacts.position[1], contacts.orientation[1], contacts.motion
     start, rows, pairs, clear = contacts.start, contacts.rows, contacts.pairs, contacts.clear
-    waits = False
+    waits, lanes = False, contacts.lanes
     for group in range(start[-1]):
         waits = waits or clear[group] > -np.inf
     way = farthest(contacts.found_at, xw) if waits else 0.0
@@ -237,13 +234,13 @@ def project_contacts(model, parameters, contacts, xw, hh, squeezed):
                 _begin_group(model, parameters, contacts, before, before, tool, group, np.sqrt(hh))
             place_group(group, col.X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
             row = pairs[group]
-            find_all_gaps(row, rows, group, tool_kind, tool_shape, places, place, turn, forth, slow)
+            find_all_gaps(row, lanes, rows, group, tool_kind, tool_shape, places, place, turn, forth, slow)
             if rows[group, col.EDGED]:
-                if _is_open(row):
+                if _is_open(row, lanes):
                     continue
-                solve_softly(row, forth, hh, alone, parameters.ease)
+                solve_softly(row, lanes, forth, hh, alone, parameters.ease)
             else:
-                solve_at_gaps(row, forth, hh, newer)
+                solve_at_gaps(row, lanes, forth, hh, newer)
             move_group(group, rows, indptr, node, weight, parameters.tilt, hh, pairs, xw)
 
 
@@ -266,7 +263,8 @@ def _begin_group(model, parameters, contacts, xw, a, tool, group, h):
             row[EIGHT * col.HELD + entry] = row[EIGHT * col.FORCE + entry]
     if rows[group, col.DEEP]:
         place_group(group, col.X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
-        find_all_gaps(row, rows, group, kind[tool], shape[tool], parameters.places[tool], place, turn, STILL, np.inf)
+        places = parameters.places[tool]
+        find_all_gaps(row, contacts.lanes, rows, group, kind[tool], shape[tool], places, place, turn, STILL, np.inf)
         for lane in range(EIGHT):
             if row[lane + EIGHT * col.DEPTH] > 0.0:
                 old = _pressed(row, lane)
@@ -303,9 +301,8 @@ def let_slide(model, parameters, contacts, xw):
                 continue
             place_group(group, col.X, rows, model.indptr, model.node, parameters.weight, parameters.tilt, xw, pairs)
             row = pairs[group]
-            find_all_gaps(
-                row, rows, group, kind[tool], shape[tool], parameters.places[tool], place, turn, STILL, np.inf
-            )
+            places = parameters.places[tool]
+            find_all_gaps(row, contacts.lanes, rows, group, kind[tool], shape[tool], places, place, turn, STILL, np.inf)
             for lane in range(EIGHT):
                 p = _pressed(row, lane)
                 square, most = -p * p, AT_BOUND * row[lane + EIGHT * col.FRICTION] * p

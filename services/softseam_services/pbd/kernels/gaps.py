@@ -84,16 +84,16 @@ def _face_patches(row, a, b, c, radius, place, turn, motion, square_slow):
 
 
 @batch_kernel
-def _press_faces(row, places, parted):
+def _press_faces(row, lanes, places, parted):
     """GAP, GRADE and NEXT of eight patches as of `patch_press`, of what `_face_patches` found of them."""
     spread = (1.0 - 1.0 / places**2) / 12.0
-    for lane in range(EIGHT):
+    for lane in range(lanes):
         row[lane + EIGHT * SUMS] = row[lane + EIGHT * (SUMS + 1)] = row[lane + EIGHT * (SUMS + 2)] = 0.0
         row[lane + EIGHT * GRADE] = 0.0
     for place in range(places * places if parted else 0):
         s = (2 * (place // places) + 1.0 - places) / (2.0 * places)
         t = (2 * (place % places) + 1.0 - places) / (2.0 * places)
-        for lane in range(EIGHT):
+        for lane in range(lanes):
             inside = -row[lane + EIGHT * GAP]
             inside -= s * row[lane + EIGHT * BY_EDGES] + t * row[lane + EIGHT * (BY_EDGES + 1)]
             row[lane + EIGHT * GRADE] += 1.0 if inside > 0.0 else 0.0
@@ -101,7 +101,7 @@ def _press_faces(row, places, parted):
             row[lane + EIGHT * SUMS] += inside
             row[lane + EIGHT * (SUMS + 1)] += s * inside
             row[lane + EIGHT * (SUMS + 2)] += t * inside
-    for lane in range(EIGHT):
+    for lane in range(lanes):
         gap, by_u = row[lane + EIGHT * GAP], row[lane + EIGHT * BY_EDGES]
         by_v = row[lane + EIGHT * (BY_EDGES + 1)]
         s, t = row[lane + EIGHT * LEAN], row[lane + EIGHT * (LEAN + 1)]
@@ -119,7 +119,7 @@ def _press_faces(row, places, parted):
 
 
 @njit(cache=True, error_model="numpy")
-def find_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow):
+def find_gaps(row, lanes, rows, group, kind, shape, places, place, turn, motion, slow):
     """GAP of a group's points to a tool of any kind, `slow` [m] being how far one goes that is not followed on its way.
 
     For a patch under a tool with edges it is that of the tangent of what presses its places, minus F over its slope: so
@@ -127,7 +127,7 @@ def find_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow):
     others = -1
     if kind == BOX and places > 0:
         others, parted = _face_patches(row, shape[0], shape[1], shape[2], shape[3], place, turn, motion, slow * slow)
-        _press_faces(row, places, parted)
+        _press_faces(row, lanes, places, parted)
     for lane in range(EIGHT):
         if rows[group, POINT + lane] < 0 or others >> lane & 1 == 0:
             continue
@@ -157,11 +157,11 @@ def find_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow):
 
 
 @batch_kernel
-def find_plane_gaps(row, normal, place):
-    """GAP of a group's points to a plane through this place."""
+def find_plane_gaps(row, lanes, normal, place):
+    """GAP of a group's points to a plane through this place; lanes is EIGHT, see `records.Contacts`."""
     nx, ny, nz = normal
     px, py, pz = place
-    for lane in range(EIGHT):
+    for lane in range(lanes):
         gap = (row[lane] - px) * nx + (row[lane + EIGHT] - py) * ny + (row[lane + 2 * EIGHT] - pz) * nz
         row[lane + EIGHT * GAP] = gap
         row[lane + EIGHT * (GAP + 1)] = nx
@@ -184,11 +184,11 @@ def find_box_gaps(row, a, b, c, place, turn):
 
 
 @njit(cache=True, error_model="numpy")
-def find_all_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow):
+def find_all_gaps(row, lanes, rows, group, kind, shape, places, place, turn, motion, slow):
     """GAP of a group's points to a tool: to a box with sharp edges as of `faced_gap`."""
     if kind == PLANE:
-        find_plane_gaps(row, rotate(turn, shape[0], shape[1], shape[2]), place)
+        find_plane_gaps(row, lanes, rotate(turn, shape[0], shape[1], shape[2]), place)
     elif faces(kind, shape):
         find_box_gaps(row, shape[0], shape[1], shape[2], place, turn)
     else:
-        find_gaps(row, rows, group, kind, shape, places, place, turn, motion, slow)
+        find_gaps(row, lanes, rows, group, kind, shape, places, place, turn, motion, slow)

@@ -107,23 +107,25 @@ def gather_patches(touch, patches, xw, n_own, among, part):
         count = np.empty((3, end - begin), dtype=np.int32)
         of, share_mine, share_theirs = np.empty(most), np.empty(most), np.empty(most)
         ids, n_ids = np.empty((3, most), dtype=np.int32), np.zeros(3, dtype=np.int32)
+        corners = np.empty(4, dtype=np.int32)
         for r in range(end - begin):
             ints, row = touch.ints[begin + r], touch.rows[begin + r]
-            at = slice(_MOST * r, _MOST * (r + 1))
+            at = _MOST * r
             if touch.sides[meeting, ints[SIDE] % 2] == other:
-                count[0, r] = _foot(touch, patches, one, ints, row, mine[at], share_mine[at])
-                count[1, r] = _point(touch, other, n_own, ints[POINT], theirs[at], share_theirs[at])
-                count[2, r] = _around(share_mine[at], mine[at], count[0, r], whose[at], of[at])
+                count[0, r] = _foot(touch, patches, one, ints, row, mine, share_mine, at, corners)
+                count[1, r] = _point(touch, other, n_own, ints[POINT], theirs, share_theirs, at)
+                count[2, r] = _around(share_mine, mine, at, count[0, r], whose, of)
             else:  # two guests
-                mine[at][0], share_mine[at][0], count[0, r] = ints[POINT], 1.0, 1
+                mine[at], share_mine[at], count[0, r] = ints[POINT], 1.0, 1
                 for k in range(3):
-                    theirs[at][k], share_theirs[at][k] = ints[CORNER + k], row[SHARE + k]
+                    theirs[at + k], share_theirs[at + k] = ints[CORNER + k], row[SHARE + k]
                 count[1, r], count[2, r] = 3, among.shape[1]
                 q = touch.first[one] - touch.first[n_own] + ints[POINT]
-                whose[at][: among.shape[1]], of[at][: among.shape[1]] = among[q], part[q]
-            for which, own in enumerate((mine, theirs, whose)):
-                for k in range(count[which, r]):
-                    own[at][k] = _local(known[which], ids[which], n_ids, which, own[at][k])
+                for k in range(among.shape[1]):
+                    whose[at + k], of[at + k] = among[q, k], part[q, k]
+            _number(known, ids, n_ids, 0, mine, at, count[0, r])
+            _number(known, ids, n_ids, 1, theirs, at, count[1, r])
+            _number(known, ids, n_ids, 2, whose, at, count[2, r])
         for which in range(3):
             for k in range(n_ids[which]):
                 known[which, ids[which, k]] = -1
@@ -182,18 +184,18 @@ def gather_patches(touch, patches, xw, n_own, among, part):
             ints[PLACE] += touch.number[ids[2, i]] if one < n_own or one >= len(touch.asleep) else ids[2, i]
             ints[FIRST], ints[SLOT], ints[GUEST], ints[GUEST_SLOT] = n_nodes, -1, -1, -1
             if n_own <= one < len(touch.asleep):
-                n_entries = _enter(patches, n_entries, one - n_own, ids[0], of_one[i] / total[i])
+                n_entries = _enter(patches, n_entries, one - n_own, ids[0], of_one, i, total[i])
                 ints[SLOT] = patches.n_slots[one - n_own]
                 patches.n_slots[one - n_own] += 1
             else:
-                n_nodes = _join(patches, n_nodes, row, xw, ids[0], of_one[i] / total[i])
+                n_nodes = _join(patches, n_nodes, row, xw, ids[0], of_one, i, total[i])
             ints[MIDDLE] = n_nodes
             if n_own <= other < len(touch.asleep):
-                n_entries = _enter(patches, n_entries, other - n_own, ids[1], of_other[i] / total[i])
+                n_entries = _enter(patches, n_entries, other - n_own, ids[1], of_other, i, total[i])
                 ints[GUEST], ints[GUEST_SLOT] = other - n_own, patches.n_slots[other - n_own]
                 patches.n_slots[other - n_own] += 1
             else:
-                n_nodes = _join(patches, n_nodes, row, xw, ids[1], of_other[i] / -total[i])
+                n_nodes = _join(patches, n_nodes, row, xw, ids[1], of_other, i, -total[i])
             ints[END], ints[BEND] = n_nodes, n_bends
             _bend(gap, stiff, first[i], first[i + 1], mean[i] / (total[i] * length[i]), patches.bend, n_bends)
             n_bends += first[i + 1] - first[i]
@@ -205,34 +207,41 @@ def gather_patches(touch, patches, xw, n_own, among, part):
     return n_entries
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
-def _local(known, ids, n_ids, which, number):
-    """Number of what has this one, among those of a meeting."""
-    if known[number] < 0:
-        known[number], ids[n_ids[which]] = n_ids[which], number
-        n_ids[which] += 1
-    return known[number]
+@njit(cache=True, error_model="numpy")
+def _number(known, ids, n_ids, which, own, at, count):
+    """Ids at .. at + count - 1 of own become numbers among those of a meeting, in place.
+
+    Here and below arrays come whole, with a place in them: a view of an array that a kernel made counts references,
+    which costs more than what is done with it.
+    """
+    for k in range(at, at + count):
+        number = own[k]
+        if known[which, number] < 0:
+            known[which, number], ids[which, n_ids[which]] = n_ids[which], number
+            n_ids[which] += 1
+        own[k] = known[which, number]
 
 
 @njit(cache=True, error_model="numpy")
-def _enter(patches, entry, guest, points, weight):
-    """Points of a guest into its next slot; returns how many entries there are."""
-    for k in range(len(weight)):
-        if weight[k] != 0.0:
+def _enter(patches, entry, guest, points, weights, i, per):
+    """Points of a guest into its next slot, by row i of weights over `per`; returns how many entries there are."""
+    for k in range(weights.shape[1]):
+        if weights[i, k] != 0.0:
             to = patches.slot[entry]
             to[0], to[1], to[2] = guest, patches.n_slots[guest], points[k]
-            patches.share[entry] = weight[k]
+            patches.share[entry] = weights[i, k] / per
             entry += 1
     return entry
 
 
 @njit(cache=True, error_model="numpy")
-def _join(patches, n_nodes, row, xw, nodes, weight):
-    """Nodes of a body of the pile into a patch; returns how many there are in all."""
-    for k in range(len(weight)):
-        if weight[k] != 0.0:
-            patches.node[n_nodes], patches.weight[n_nodes] = nodes[k], weight[k]
-            row[GIVES] += weight[k] ** 2 * xw[nodes[k], 3]
+def _join(patches, n_nodes, row, xw, nodes, weights, i, per):
+    """Nodes of a body of the pile into a patch, by row i of weights over `per`; returns how many there are in all."""
+    for k in range(weights.shape[1]):
+        if weights[i, k] != 0.0:
+            weight = weights[i, k] / per
+            patches.node[n_nodes], patches.weight[n_nodes] = nodes[k], weight
+            row[GIVES] += weight**2 * xw[nodes[k], 3]
             n_nodes += 1
     return n_nodes
 
@@ -255,71 +264,74 @@ def _bend(gap, stiff, first, end, mean, bend, to):
 
 
 @njit(cache=True, error_model="numpy")
-def _around(share, nodes, count, whose, of):
-    """Patches to which a foot with these shares in nodes belongs, and how much; returns how many."""
+def _around(share, nodes, at, count, whose, of):
+    """Patches to which a foot with these shares in nodes belongs, and how much, from place `at` on; returns how
+    many."""
     total = 0.0
-    for k in range(count):
+    for k in range(at, at + count):
         total += max(0.0, share[k])
-    for k in range(count):
+    for k in range(at, at + count):
         whose[k], of[k] = nodes[k], max(0.0, share[k]) / total
     return count
 
 
 @njit(cache=True, error_model="numpy")
-def _point(touch, surface, n_own, point, ids, share):
-    """Nodes, as rows of xw, that a point of a surface follows, and by how much; of a guest's the point itself. Returns
-    how many."""
+def _point(touch, surface, n_own, point, ids, share, at):
+    """Nodes, as rows of xw, that a point of a surface follows, and by how much, from place `at` on; of a guest's the
+    point itself. Returns how many."""
     n_bodies = len(touch.asleep)
     if surface < n_bodies:
         own = n_own <= surface
-        ids[0] = point if own else touch.row[touch.body[surface]] + touch.node[touch.first[surface] + point]
-        share[0] = 1.0
+        ids[at] = point if own else touch.row[touch.body[surface]] + touch.node[touch.first[surface] + point]
+        share[at] = 1.0
         return 1
-    at, count = touch.first[surface] + point - touch.first[n_bodies], 0
-    for k in range(touch.follow[at], touch.follow[at + 1]):
-        ids[count], share[count] = touch.row[touch.body[surface]] + touch.follows[k], touch.by[k]
+    place, count = touch.first[surface] + point - touch.first[n_bodies], 0
+    for k in range(touch.follow[place], touch.follow[place + 1]):
+        ids[at + count], share[at + count] = touch.row[touch.body[surface]] + touch.follows[k], touch.by[k]
         count += 1
     return count
 
 
 @njit(cache=True, error_model="numpy")
-def _foot(touch, patches, one, ints, row, ids, share):
-    """Nodes, as rows of xw, that the foot of a row follows, and by how much; returns how many."""
+def _foot(touch, patches, one, ints, row, ids, share, at, points):
+    """Nodes, as rows of xw, that the foot of a row follows, and by how much, from place `at` on; returns how many.
+    points (4,) is scratch."""
     n_bodies, body = len(touch.asleep), touch.body[one]
     if one < n_bodies:
-        points, count = np.empty(4, dtype=np.int32), 3
+        count = 3
         for k in range(3):
-            points[k], share[k] = ints[CORNER + k], row[SHARE + k]
+            points[k], share[at + k] = ints[CORNER + k], row[SHARE + k]
         if patches.first_across[body] >= 0:
-            count = _to_square(patches, body, touch.first[one + 1] - touch.first[one], points, share)
+            count = _to_square(patches, body, touch.first[one + 1] - touch.first[one], points, share, at)
         for k in range(count):
-            ids[k] = touch.row[body] + touch.node[touch.first[one] + points[k]]
+            ids[at + k] = touch.row[body] + touch.node[touch.first[one] + points[k]]
         return count
-    count = 0
+    end = at
     for corner in range(3):
-        at = touch.first[one] + ints[CORNER + corner] - touch.first[n_bodies]
-        for k in range(touch.follow[at], touch.follow[at + 1]):
+        place = touch.first[one] + ints[CORNER + corner] - touch.first[n_bodies]
+        for k in range(touch.follow[place], touch.follow[place + 1]):
             node, w, found = touch.row[body] + touch.follows[k], touch.by[k] * row[SHARE + corner], False
-            for m in range(count):
+            for m in range(at, end):
                 if ids[m] == node:
                     share[m] += w
                     found = True
             if not found:
-                ids[count], share[count] = node, w
-                count += 1
-    return count
+                ids[end], share[end] = node, w
+                end += 1
+    return end - at
 
 
 @njit(cache=True, error_model="numpy")
-def _to_square(patches, body, n_points, foot, share):
-    """Weights of the corners of a triangle <- those of the square of which it is half, which are bilinear; returns how
-    many corners it has."""
+def _to_square(patches, body, n_points, foot, share, at):
+    """Weights of the corners of a triangle <- those of the square of which it is half, which are bilinear, from place
+    `at` of share on; returns how many corners it has."""
     for k in range(3):
         i, j, away = k, (k + 1) % 3, (k + 2) % 3
         other = patches.across[patches.first_across[body] + foot[i] * n_points + foot[j]]
         if other >= 0:
-            a, b = share[i], share[j]
+            a, b = share[at + i], share[at + j]
             foot[3] = other
-            share[i], share[j], share[away], share[3] = a * (1.0 - b), b * (1.0 - a), (1.0 - a) * (1.0 - b), a * b
+            share[at + i], share[at + j] = a * (1.0 - b), b * (1.0 - a)
+            share[at + away], share[at + 3] = (1.0 - a) * (1.0 - b), a * b
             return 4
     return 3

@@ -103,7 +103,7 @@ def judge(member, number, notes):
 def keep_figures(member, notes):
     """The last attempt stands: remember its figures in `after`."""
     if notes[FAULT] != DIVERGED:
-        notes[HALVED] = remember(member.after.monitor, member.outputs.result, member.roundoff)
+        notes[HALVED] = remember(member.after.monitor, member.outputs.result, member.roundoff, member.plans)
 
 
 @njit(cache=True, error_model="numpy")

@@ -23,13 +23,18 @@ GAIN = 0.02
 """energy from nowhere, added up while tools touch and relative to what is there, that takes shorter substeps"""
 SHORTEST = 2
 """how often substeps are halved for it"""
+STEADY = 0.1
+"""of `GAIN`: a step after which less than that has come from nowhere is calm"""
+PATIENCE = 8.0
+"""calm steps after which substeps are twice as long again, the first time; then twice as many each time"""
 LITTLE = 1e4
 """energy that counts as there at least, times the roundoff: that of 1 % shear"""
 
-LEAST_J, KINETIC, STRAIN, GRAVITY, UNSHARED, RESIDUAL, STRETCH, CREATED, HALVINGS = range(9)
-N_MONITOR = 9
+LEAST_J, KINETIC, STRAIN, GRAVITY, UNSHARED, RESIDUAL, STRETCH, CREATED, HALVINGS, CALM, DOUBLINGS = range(11)
+N_MONITOR = 11
 """what a state remembers of its last step: least volume ratio, energies [J], 1 where contact forces wait to be shared
-out among tools, residual, largest stretch, energy from nowhere since it was last least [J], halvings of the substep"""
+out among tools, residual, largest stretch, energy from nowhere since it was last least [J], halvings of the substep,
+calm steps since the last one, and how often substeps became longer again"""
 NONE, DIVERGED, HASTE, ENERGY = range(4)
 """what may be wrong with a step, see `pbd.watch.Fault`"""
 
@@ -58,17 +63,24 @@ def fault_of(result, monitor, floor):
 
 
 @njit(cache=True, error_model="numpy")
-def remember(monitor, result, floor):
+def remember(monitor, result, floor, planned):
     """monitor (N_MONITOR,) <- the figures of a step; what waits to be shared out stays. floor [J] is roundoff.
 
     A body that gains energy while tools touch it takes half the substep until none does; returns whether that begins
-    or is halved once more.
+    or is halved once more. Where its substeps are planned, and so are stable, what gained was a knock or the like: they
+    are longer again once next to nothing came from nowhere for a while, `PATIENCE`. If that was too early the next time
+    comes twice as late, so that n steps see log2(n/8) such trials at most. Others may be unstable for good.
     """
     created = max(0.0, monitor[CREATED] + rise(result, monitor) - result[k.PUSHED])
     touched = result[k.N_CONTACTS] > 0.0
     there = max(result[k.KINETIC] + result[k.STRAIN], LITTLE * floor)
     halves = touched and created > GAIN * there and monitor[HALVINGS] < SHORTEST
-    monitor[HALVINGS] = monitor[HALVINGS] + (1.0 if halves else 0.0) if touched else 0.0
+    calm = monitor[CALM] + 1.0 if created <= STEADY * GAIN * there else 0.0
+    longer = planned and monitor[HALVINGS] > 0.0 and calm >= PATIENCE * 2.0 ** monitor[DOUBLINGS]
+    change = 1.0 if halves else -1.0 if longer else 0.0
+    monitor[HALVINGS] = monitor[HALVINGS] + change if touched else 0.0
+    monitor[CALM] = calm if touched and change == 0.0 else 0.0
+    monitor[DOUBLINGS] = monitor[DOUBLINGS] + (1.0 if longer else 0.0) if touched else 0.0
     monitor[CREATED] = created if touched and not halves else 0.0
     monitor[LEAST_J], monitor[RESIDUAL], monitor[STRETCH] = result[k.LEAST_J], result[k.RESIDUAL], result[k.STRETCH]
     monitor[KINETIC], monitor[STRAIN], monitor[GRAVITY] = result[k.KINETIC], result[k.STRAIN], result[k.GRAVITY]
