@@ -11,6 +11,7 @@ from fem_run import FemRun, block
 from relaxing import CASES, POISSON, TWO, YOUNG, Point, said
 
 import softseam
+from softseam.checks import doubts
 from softseam_protocol.scene.kinds import ELEMENTS
 from softseam_protocol.scene.materials import MATERIALS, MaterialSpec
 from softseam_protocol.scene.scene import Scene
@@ -251,3 +252,15 @@ def test_elements_whose_bending_would_not_relax_are_refused(element: str) -> Non
 def test_blocks_that_would_not_relax_in_bending_are_refused(regions: dict[str, Any]) -> None:
     with pytest.raises(softseam.SceneRefused, match=r"does not relax in pbd: set regions\.default: fem"):
         softseam.open(scene(regions=regions))
+
+
+@pytest.mark.parametrize(
+    ("branches", "words"),
+    [
+        (((0.06, 0.002),), "relaxation.0.time: 0.002 s, a share of 0.06 that fades within a step of 0.01 s"),
+        (((0.2, 0.1), (0.2, 5e4)), "relaxation.1.time: 50000 s, but the motion lasts 0.5"),
+    ],
+)
+def test_times_that_the_run_does_not_see_are_doubted(branches: tuple[tuple[float, float], ...], words: str) -> None:
+    assert [text for text in doubts(scene(branches=branches), {}) if words in text]
+    assert not [text for text in doubts(scene(), {}) if "relaxation" in text]
