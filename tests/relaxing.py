@@ -68,3 +68,17 @@ class Point:
         np.testing.assert_array_equal(begun, self.state)
         self.side = side
         return float(self.go(np.diag([side, side, stretch]), dt)[2, 2])
+
+    def carry(self, stress: float, dt: float) -> float:
+        """The stretch along z under a nominal stress that is held, the sides free."""
+        side, stretch = getattr(self, "side", 1.0), getattr(self, "stretch", 1.0)
+        for _ in range(30):
+            _, _, P, A, _ = self.respond(np.diag([side, side, stretch]), dt)
+            matrix = [[A[0, 0] + A[0, 4], A[0, 8]], [A[8, 0] + A[8, 4], A[8, 8]]]
+            change = np.linalg.solve(matrix, [P[0, 0], P[2, 2] - stress])
+            side, stretch = side - change[0], stretch - change[1]
+            if np.abs(change).max() < 1e-14:
+                break
+        self.side, self.stretch = side, stretch
+        self.go(np.diag([side, side, stretch]), dt)
+        return float(stretch)

@@ -11,6 +11,7 @@ from fem_run import FemRun, block
 from relaxing import CASES, POISSON, TWO, YOUNG, Point, said
 
 import softseam
+from softseam.checks import doubts
 from softseam_protocol.scene.kinds import ELEMENTS
 from softseam_protocol.scene.materials import MATERIALS, MaterialSpec
 from softseam_protocol.scene.scene import Scene
@@ -126,6 +127,38 @@ def test_both_paths_of_the_default_element_are_one() -> None:
         for name in ("strain", "tool_work"):
             assert getattr(reply, name) == pytest.approx(getattr(same, name), rel=1e-4)
         assert reply.extras["dissipated"] == pytest.approx(same.extras["dissipated"], rel=1e-4)
+
+
+def test_a_cube_creeps_under_a_force_that_is_held() -> None:
+    """As the point under what the plates press with, up to 1.6 % less than what they are to hold while it sinks."""
+    body = {"shape": {"kind": "block", "size": [EDGE] * 3}, "cell": EDGE, "material": material(((0.6, 0.2),))}
+    motion = [{"tools": ["left", "right"], "close": 0.02, "force": 1.0, "until": {"time": 0.3}}, {"hold": 2.0}]
+    data = {"softseam": 1, "name": "creep", "gravity": [0, 0, 0], "step": 0.01, "body": body, "tools": plates(0.0)}
+    data |= {"motion": motion, "regions": {"default": "fem"}, "quantities": ["grip_force"]}
+    with softseam.open(Scene.model_validate(data | {"models": {"fem": {"tolerance": 1e-8}}})) as sim:
+        seen = taken(sim)
+    point = Point(((0.6, 0.2),))
+    found = np.array([np.ptp(one.positions[:, 0]) / EDGE for one in seen])
+    alone = np.array([point.carry(-one.quantities["grip_force"] / EDGE**2, 0.01) for one in seen])
+    np.testing.assert_allclose(1.0 - found[20:], 1.0 - alone[20:], rtol=1e-4)
+    assert 1.0 - found[-1] > 1.6 * (1.0 - found[20])
+
+
+def test_a_bar_of_which_nothing_lasts_sinks_alike_on_coarse_cells() -> None:
+    """Mozzarella held by one end for 5 s, 4 x 1 x 1 cells and 8 x 2 x 2: within 2 %; with nothing that steadies the
+    coarse ones they fall apart, twenty times as far."""
+    branches = ((0.45, 0.03), (0.075, 0.3), (0.155, 1.0), (0.013, 3.0), (0.072, 10.0), (0.235, 30.0))
+    sunk = []
+    for n in (1, 2):
+        body = {"shape": {"kind": "block", "size": (0.08, 0.02, 0.02)}, "cell": 0.02 / n}
+        body |= {"material": {"young": 6e5, "poisson": 0.45, "density": 1000.0, "relaxation": said(branches)}}
+        body |= {"fixed": [{"min": (-1, -1, -1), "max": (-0.04 + 1e-6, 1, 1)}]}
+        run = FemRun(block(body=body, gravity=(0.0, 0.0, -9.81), step=0.1))
+        begun = run.x[:, 2].copy()
+        run.run(5.0)
+        sunk.append(float((begun - run.x[:, 2]).max()))
+    assert sunk[0] == pytest.approx(sunk[1], rel=0.02)
+    assert 7e-3 < sunk[1] < 0.012
 
 
 def scene(step: float = 0.01, regions: dict[str, Any] | None = None, **own: Any) -> Scene:
@@ -251,3 +284,15 @@ def test_elements_whose_bending_would_not_relax_are_refused(element: str) -> Non
 def test_blocks_that_would_not_relax_in_bending_are_refused(regions: dict[str, Any]) -> None:
     with pytest.raises(softseam.SceneRefused, match=r"does not relax in pbd: set regions\.default: fem"):
         softseam.open(scene(regions=regions))
+
+
+@pytest.mark.parametrize(
+    ("branches", "words"),
+    [
+        (((0.06, 0.002),), "relaxation.0.time: 0.002 s, a share of 0.06 that fades within a step of 0.01 s"),
+        (((0.2, 0.1), (0.2, 5e4)), "relaxation.1.time: 50000 s, but the motion lasts 0.5"),
+    ],
+)
+def test_times_that_the_run_does_not_see_are_doubted(branches: tuple[tuple[float, float], ...], words: str) -> None:
+    assert [text for text in doubts(scene(branches=branches), {}) if words in text]
+    assert not [text for text in doubts(scene(), {}) if "relaxation" in text]

@@ -33,8 +33,8 @@ BRANCHES = 4
 """place in a law's parameters of mu [Pa] and tau [s] of the first branch; those of the elastic law are before it"""
 MU, KEEP, START, END = 0, 1, 2, 3
 """columns of what a branch does in a step: mu [Pa], and the coefficients of eq. (2)"""
-BAR, INVERSE, FACING, CROSSED, STRESS, VISCOUS, SIZE = 0, 6, 12, 18, 24, 30, 36
-"""places in a workspace: C_bar - I, C^-1, M, N, S, C_i - I"""
+BAR, INVERSE, FACING, CROSSED, STRESS, VISCOUS, SIDE, SIZE = 0, 6, 12, 18, 24, 30, 36, 42
+"""places in a workspace: C_bar - I, C^-1, M, N, S, C_i - I, and what C^-1 is multiplied with"""
 I_OF, J_OF = (0, 1, 2, 1, 0, 0), (0, 1, 2, 2, 2, 1)
 OF = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 """number of the entry ij of a symmetric tensor"""
@@ -168,35 +168,61 @@ def add_stress(F, at, weight, w, P):
 @njit(cache=True, error_model="numpy")
 def _cross(w):
     """N = M C_bar M into the workspace."""
-    for n in range(SIX):
-        i, j = I_OF[n], J_OF[n]
-        total = 0.0
-        for k in range(3):
-            total += w[FACING + OF[i, k]] * w[FACING + OF[k, j]]
-            for m in range(3):
-                total += w[FACING + OF[i, k]] * w[BAR + OF[k, m]] * w[FACING + OF[m, j]]
-        w[CROSSED + n] = total
+    m0, m1, m2 = w[FACING], w[FACING + 1], w[FACING + 2]
+    m3, m4, m5 = w[FACING + 3], w[FACING + 4], w[FACING + 5]
+    c0, c1, c2 = 1.0 + w[BAR], 1.0 + w[BAR + 1], 1.0 + w[BAR + 2]
+    c3, c4, c5 = w[BAR + 3], w[BAR + 4], w[BAR + 5]
+    t00, t01, t02 = m0 * c0 + m5 * c5 + m4 * c4, m0 * c5 + m5 * c1 + m4 * c3, m0 * c4 + m5 * c3 + m4 * c2
+    t10, t11, t12 = m5 * c0 + m1 * c5 + m3 * c4, m5 * c5 + m1 * c1 + m3 * c3, m5 * c4 + m1 * c3 + m3 * c2
+    t20, t21, t22 = m4 * c0 + m3 * c5 + m2 * c4, m4 * c5 + m3 * c1 + m2 * c3, m4 * c4 + m3 * c3 + m2 * c2
+    w[CROSSED] = t00 * m0 + t01 * m5 + t02 * m4
+    w[CROSSED + 1] = t10 * m5 + t11 * m1 + t12 * m3
+    w[CROSSED + 2] = t20 * m4 + t21 * m3 + t22 * m2
+    w[CROSSED + 3] = t10 * m4 + t11 * m3 + t12 * m2
+    w[CROSSED + 4] = t00 * m4 + t01 * m3 + t02 * m2
+    w[CROSSED + 5] = t00 * m5 + t01 * m1 + t02 * m3
 
 
 @njit(cache=True, error_model="numpy")
-def _squared(w, one, n, m):
-    """Entry nm of X o X, X symmetric in the workspace."""
-    i, j, k, o = I_OF[n], J_OF[n], I_OF[m], J_OF[m]
-    left = w[one + OF[i, k]] * w[one + OF[j, o]]
-    return 0.5 * (left + w[one + OF[i, o]] * w[one + OF[j, k]])
+def _add_products(w, one, outer, circled, D):
+    """D (6, 6), its lower triangle, += outer X X + circled X o X, in place, X symmetric in the workspace."""
+    x0, x1, x2, x3, x4, x5 = w[one], w[one + 1], w[one + 2], w[one + 3], w[one + 4], w[one + 5]
+    half, both = 0.5 * circled, outer + circled
+    D[0, 0] += both * x0 * x0
+    D[1, 1] += both * x1 * x1
+    D[2, 2] += both * x2 * x2
+    D[1, 0] += outer * x0 * x1 + circled * x5 * x5
+    D[2, 0] += outer * x0 * x2 + circled * x4 * x4
+    D[2, 1] += outer * x1 * x2 + circled * x3 * x3
+    D[3, 0] += outer * x0 * x3 + circled * x5 * x4
+    D[3, 1] += both * x1 * x3
+    D[3, 2] += both * x2 * x3
+    D[4, 0] += both * x0 * x4
+    D[4, 1] += outer * x1 * x4 + circled * x5 * x3
+    D[4, 2] += both * x2 * x4
+    D[5, 0] += both * x0 * x5
+    D[5, 1] += both * x1 * x5
+    D[5, 2] += outer * x2 * x5 + circled * x4 * x3
+    D[3, 3] += (outer + half) * x3 * x3 + half * x1 * x2
+    D[4, 4] += (outer + half) * x4 * x4 + half * x0 * x2
+    D[5, 5] += (outer + half) * x5 * x5 + half * x0 * x1
+    D[4, 3] += (outer + half) * x3 * x4 + half * x5 * x2
+    D[5, 3] += (outer + half) * x3 * x5 + half * x1 * x4
+    D[5, 4] += (outer + half) * x4 * x5 + half * x0 * x3
 
 
 @njit(cache=True, error_model="numpy")
-def write_stiffness(w, g, step, state, definite, D):
-    """S into the workspace, and 2 dS/dC of all branches, eq. (4), into D (6, 6) [Pa], where `strain` came before;
-    definite: of (4) what is left where C_i is about C_bar, which is positive semi-definite."""
+def write_stiffness(w, g, step, state, weight, definite, D):
+    """S into the workspace, and 2 dS/dC of all branches, eq. (4), into D (6, 6), both by `weight` [Pa], where `strain`
+    came before; definite: of (4) what is left where C_i is about C_bar, which is positive semi-definite."""
     D[:] = 0.0
     for n in range(SIX):
         w[STRESS + n] = 0.0
     pressure = both = alone = 0.0
-    side = np.zeros(SIX)
+    side = w[SIDE : SIDE + SIX]
+    side[:] = 0.0
     for branch in range(len(step)):
-        mu, end = step[branch, MU], step[branch, END]
+        mu, end = weight * step[branch, MU], step[branch, END]
         if mu == 0.0:
             continue
         c = end * _unimodular(w, step[branch, KEEP], step[branch, START], end, state, branch)
@@ -214,38 +240,54 @@ def write_stiffness(w, g, step, state, definite, D):
         both += 2.0 * mu * (a / 9.0 + c * a * a / 27.0 - c * b / 9.0)
         of_m, of_n = 2.0 * mu * (g / 3.0 + c * g * a / 9.0), 2.0 * mu * c * g / 3.0
         outer = 2.0 * mu * c * g * g
+        _add_products(w, FACING, outer / 3.0, -outer, D)
         for n in range(SIX):
             side[n] += of_n * w[CROSSED + n] - of_m * w[FACING + n]
-            for m in range(n + 1):
-                D[n, m] += outer * (w[FACING + n] * w[FACING + m] / 3.0 - _squared(w, FACING, n, m))
+    _add_products(w, INVERSE, both, alone, D)
     for n in range(SIX):
         w[STRESS + n] -= pressure * w[INVERSE + n]
         for m in range(n + 1):
             D[n, m] += side[n] * w[INVERSE + m] + w[INVERSE + n] * side[m]
-            D[n, m] += both * w[INVERSE + n] * w[INVERSE + m] + alone * _squared(w, INVERSE, n, m)
             D[m, n] = D[n, m]
 
 
 @njit(cache=True, error_model="numpy")
-def add_tangent(F, at, w, D, geometric, A):
-    """A (9, 9) += dP/dF of 2 dS/dC = D (6, 6) at the three columns at `at` of F; geometric: with what S adds."""
-    half = np.empty((SIX, 9))
+def write_half(F, at, D, half):
+    """half (6, 9) <- dS_n/dF_km in column 3 k + m, of 2 dS/dC = D (6, 6) at the three columns at `at` of F."""
     for n in range(SIX):
+        d0, d1, d2, d3, d4, d5 = D[n, 0], D[n, 1], D[n, 2], D[n, 3], D[n, 4], D[n, 5]
         for k in range(3):
-            for m in range(3):
-                total = 0.0
-                for o in range(3):
-                    total += D[n, OF[o, m]] * F[k, at + o]
-                half[n, 3 * k + m] = total
+            f, g, h = F[k, at], F[k, at + 1], F[k, at + 2]
+            half[n, 3 * k] = d0 * f + d5 * g + d4 * h
+            half[n, 3 * k + 1] = d5 * f + d1 * g + d3 * h
+            half[n, 3 * k + 2] = d4 * f + d3 * g + d2 * h
+
+
+@njit(cache=True, error_model="numpy")
+def add_tangent(F, at, w, half, geometric, A):
+    """A (9, 9) += d(F S)/dF at the three columns at `at` of F, of what `write_half` has.
+
+    geometric: with what S adds
+    """
     for i in range(3):
-        for j in range(3):
-            n0, n1, n2 = OF[0, j], OF[1, j], OF[2, j]
-            a, b, c = F[i, at], F[i, at + 1], F[i, at + 2]
-            for m in range(9):
-                A[3 * i + j, m] += a * half[n0, m] + b * half[n1, m] + c * half[n2, m]
-            if geometric:
-                for m in range(3):
-                    A[3 * i + j, 3 * i + m] += w[STRESS + OF[j, m]]
+        a, b, c = F[i, at], F[i, at + 1], F[i, at + 2]
+        for m in range(9):
+            A[3 * i, m] += a * half[0, m] + b * half[5, m] + c * half[4, m]
+            A[3 * i + 1, m] += a * half[5, m] + b * half[1, m] + c * half[3, m]
+            A[3 * i + 2, m] += a * half[4, m] + b * half[3, m] + c * half[2, m]
+    if not geometric:
+        return
+    s0, s1, s2, s3, s4, s5 = w[STRESS], w[STRESS + 1], w[STRESS + 2], w[STRESS + 3], w[STRESS + 4], w[STRESS + 5]
+    for i in range(0, 9, 3):
+        A[i, i] += s0
+        A[i + 1, i + 1] += s1
+        A[i + 2, i + 2] += s2
+        A[i, i + 1] += s5
+        A[i + 1, i] += s5
+        A[i, i + 2] += s4
+        A[i + 2, i] += s4
+        A[i + 1, i + 2] += s3
+        A[i + 2, i + 1] += s3
 
 
 @njit(cache=True, error_model="numpy")

@@ -21,15 +21,16 @@ def respond(law, F, state, dt, parameters, P, A, following, definite):
     the end of dt in place. definite: A is positive semi-definite, if the law can."""
     if law > 0:
         return _call_respond(law, len(following), F, state, dt, parameters, P, A, following)
-    w, D = np.empty(relaxation.SIZE), np.empty((6, 6))
+    w, D, half = np.empty(relaxation.SIZE), np.empty((6, 6)), np.empty((6, 9))
     step = np.empty((len(state) // relaxation.SIX - 1, 4))
     relaxation.write_step(parameters, dt, step)
     stress(-law, parameters, F, P)
     tangent(-law, parameters, F, A, definite)
     g = relaxation.strain(F, 0, w)
-    relaxation.write_stiffness(w, g, step, state, definite, D)
+    relaxation.write_stiffness(w, g, step, state, 1.0, definite, D)
     relaxation.add_stress(F, 0, 1.0, w, P)
-    relaxation.add_tangent(F, 0, w, D, not definite, A)
+    relaxation.write_half(F, 0, D, half)
+    relaxation.add_tangent(F, 0, w, half, not definite, A)
     stored, dissipated = relaxation.advance(w, step, parameters, dt, state, following)
     return energy(-law, parameters, F) + stored, dissipated
 

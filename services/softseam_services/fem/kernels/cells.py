@@ -18,10 +18,8 @@ from softseam_services.body.materials.neo_hookean import volumetric
 from softseam_services.jit import njit
 
 from . import relaxing_cells
-from .fronts import add_block_row
+from .fronts import LANES, add_block_row
 from .lapack import multiply
-
-LANES = 32  # nodes of a cell, padded so that loops over them fill vector registers
 
 
 @njit(cache=True, error_model="numpy")
@@ -267,9 +265,9 @@ def add_cell_tangents(x, model, parameters, tree, work, safe):
 @njit(cache=True, error_model="numpy")
 def add_relaxing_tangents(model, parameters, tree, work, safe):
     """The same where the material has branches that relax, with the whole tangent at each point; of work.F."""
-    h, row, H = work.h, work.row, np.empty((3, 3))
+    h, row, H, left = work.h, work.row, np.empty((3, 3)), np.zeros(216 * LANES)
     steps, w = relaxing_cells.steps_of(model, parameters, work), np.empty(relaxing_cells.SIZE)
-    c, D = np.empty((8, 9, 9)), np.empty((6, 6))
+    c, D, half = np.empty((8, 9, 9)), np.empty((6, 6)), np.empty((6, 9))
     for cell in range(len(model.cell_nodes)):
         n_free, local, part = tree.cell_free[cell], tree.cell_local[cell], work.part[cell]
         gradient = parameters.gradient if model.cut[cell] < 0 else parameters.cut_gradient[model.cut[cell]]
@@ -277,14 +275,15 @@ def add_relaxing_tangents(model, parameters, tree, work, safe):
             mu, lam, weight = parameters.mu[cell, q], parameters.lambda_[cell, q], part * parameters.weight[cell, q]
             A, B = point_factors(work.F[cell], 3 * q, False, mu, lam, weight, safe, H)
             step, state = steps[parameters.material[cell, q]], work.material_state[cell, q]
-            relaxing_cells.write_tangent(work.F[cell], q, weight, A, B, H, step, state, safe, w, D, c[q])
+            relaxing_cells.write_tangent(work.F[cell], q, weight, A, B, H, step, state, safe, w, D, half, c[q])
             at = 3 * q * LANES
             for b in range(n_free):
                 for j in range(3):
                     h[at + j * LANES + b] = gradient[local[b], 3 * q + j]
         L = parameters.laplacian[model.pattern[cell]]
+        relaxing_cells.sides(h, c, left)
         for a in range(n_free):
-            relaxing_cells.block_row(a, h, c, LANES, row)
+            relaxing_cells.block_row(a, h, left, row)
             for b in range(a, n_free):
                 constant = part * L[local[a], local[b]]
                 row[b] += constant
