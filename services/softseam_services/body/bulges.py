@@ -13,7 +13,7 @@ from softseam_services.body.interpolate import rest_points
 from softseam_services.body.surface_points import NO_CREASE
 
 _LEAST = 0.01
-"""of the largest spread of points around, the least that tells a curvature"""
+"""of the largest spread of points around, the least that a curvature shows by"""
 
 
 def bulges(body: Body, region: Region) -> Floats:
