@@ -110,9 +110,9 @@ class StepReport:
     """by id: BODY.near and BODY.far"""
     energy: dict[str, float]
     """ledger of the step [J]: kinetic, strain and gravity at its end; drive_work of the tools' motion, of which
-    contact_loss goes into friction and tool_work into the body; seam_work, dissipation of the integrators, switch;
-    where the material has internal state material, what it dissipated; of bodies that interfaces join interface_work,
-    what the others do to each"""
+    contact_loss goes into friction and what contact stores, and tool_work into the body; seam_work, dissipation of the
+    integrators, switch; where the material has internal state material, what it dissipated; of bodies that interfaces
+    join interface_work, what the others do to each"""
     momentum: Vector3
     angular_momentum: Vector3
     penetration: float

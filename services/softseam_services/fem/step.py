@@ -21,9 +21,9 @@ from .integrators.scheme import IMPLICIT_EULER, STATIC, SYMPLECTIC_EULER
 from .integrators.static import raised
 from .integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from .kernels import step as kernel
-from .kernels.contact import force_moment
+from .kernels.contact_work import force_moment
 from .kernels.elements import remember
-from .kernels.newton import CONVERGED, FACTORED, N_FACTORS, STALLED
+from .kernels.newton import CONVERGED, FACTORED, N_CANDIDATES, N_FACTORS, STALLED
 from .model import FemModel
 from .parameters import FemParameters
 from .state import FemState
@@ -289,7 +289,8 @@ class Stepper:
         else:
             turning.end(end.x, end.v, self.result.wrench, tools.position_next)
         out = self.result.out
-        force_moment(end.contact, end.x, self._model, self._parameters, turning.centre, self._moment)
+        count = int(self.work.memo[N_CANDIDATES])
+        force_moment(count, end.x, self._model, self._parameters, self.work, turning.centre, self._moment)
         self.given += turning.given(self._moment)
         out[kernel.KINETIC], out[kernel.MOMENTUM : kernel.MOMENTUM + 3] = turning.kinetic(end.v), turning.mass @ end.v
         out[kernel.ANGULAR : kernel.ANGULAR + 3] = turning.angular(end.x, end.v)

@@ -81,6 +81,8 @@ class Work(NamedTuple):
     """per pair: where on its patch the force acts, in its edges from the middle (2,) [1]"""
     spread: Floats
     """per pair: eq. (3) of tools/kernels/patch.py (5,) [1]"""
+    stored: Floats
+    """per pair: what it stores at the end of the step [J], see kernels/contact_work.py"""
     side: NDArray[np.int8]
     """per pair: side of the box that the point faces, -1 where the tool's gap counts, SWEPT or EDGED"""
     plane: Floats
@@ -190,6 +192,7 @@ def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work
         hold=np.zeros((n_pairs, 5)),
         lean=np.zeros((n_pairs, 2)),
         spread=np.zeros((n_pairs, 5)),
+        stored=np.zeros(n_pairs),
         side=np.zeros(n_pairs, dtype=np.int8),
         plane=np.zeros((n_pairs, 4)),
         state=np.zeros(n_pairs, dtype=np.int8),

@@ -21,6 +21,8 @@ Floats = NDArray[np.float64]
 
 SWITCH_LIMIT = 1e-2
 """share of the energy that a switch may change [1]"""
+CREATED_LIMIT = 2e-2
+"""of what steps create, in sum [1]: what rolls on points that press by an energy gains and loses .016 by turns"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,7 @@ class EnergyBalance:
 
     def __init__(self, standing: float = 0.0, inelastic: bool = False) -> None:
         self.inelastic = inelastic
-        self.limits = EnergyLedger(switch_limit=SWITCH_LIMIT, standing=standing)
+        self.limits = EnergyLedger(created_limit=CREATED_LIMIT, switch_limit=SWITCH_LIMIT, standing=standing)
         """by which it warns, and books"""
         self.reset()
 

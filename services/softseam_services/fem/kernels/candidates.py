@@ -232,7 +232,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                 work.hold[count, 2] = 0.0
                 work.hold[count, 3] = pace
                 work.hold[count, 4] = sag
-                if pace < 1.0:
+                if pace < 1.0 and carry > 0.0:
                     position, turn = tools.position[tool], tools.orientation[tool]
                     if side < 0:
                         gap = tool_gap(kind, shape, position, turn, xp)[0]

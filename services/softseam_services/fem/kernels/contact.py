@@ -50,7 +50,6 @@ from softseam_services.tools.kernels import patch_press, plane_gap, press, side_
 
 from .contact_columns import (
     EDGED,
-    FORCE,
     GAP,
     HELD,
     NORMAL,
@@ -80,24 +79,6 @@ def point_position(x, model, parameters, point, out):
         out[0] += weight * x[node, 0]
         out[1] += weight * x[node, 1]
         out[2] += weight * x[node, 2]
-
-
-@njit(cache=True, error_model="numpy")
-def force_moment(contact, x, model, parameters, centre, moment):
-    """moment (3, 3) <- sum of f (x_p - centre)^T of the forces on points in a contact state (p, t, 9) [N m]."""
-    moment[:] = 0.0
-    arm = np.empty(3)
-    for point in range(contact.shape[0]):
-        for tool in range(contact.shape[1]):
-            fx, fy, fz = contact[point, tool, FORCE], contact[point, tool, FORCE + 1], contact[point, tool, FORCE + 2]
-            if fx == 0.0 and fy == 0.0 and fz == 0.0:
-                continue
-            point_position(x, model, parameters, point, arm)
-            for i in range(3):
-                away = arm[i] - centre[i]
-                moment[0, i] += fx * away
-                moment[1, i] += fy * away
-                moment[2, i] += fz * away
 
 
 @njit(cache=True, error_model="numpy")

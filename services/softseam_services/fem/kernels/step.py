@@ -12,6 +12,7 @@ from .candidates import find_candidates
 from .contact import acting_place, augment, evaluate_contacts, next_anchor, patch_edges, point_position
 from .contact_changes import add_resistance
 from .contact_columns import ANCHOR, GAP, NORMAL, OPEN, PRESSURE, RELAXED, SLIDE, TRACTION
+from .contact_work import add_tool_way, find_turn, stored_energy, yields
 from .elements import strain_energy
 from .linear_answer import move_on
 from .newton import (
@@ -50,18 +51,22 @@ def _record_contacts(now, end, count, model, parameters, tools, work, result):
     contact[:] = 0.0
     wrench[:] = 0.0
     out[PENETRATION] = out[SLIPPED] = out[N_CONTACTS] = out[TOOL_WORK] = 0.0
-    arm, begun = np.empty(3), np.empty(3)
+    arm, begun, turn, way = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for c in range(count):
+        point, tool = work.pair[c, 0], work.pair[c, 1]
+        row, touched = work.contact[c], False
+        for i in range(3):
+            touched = touched or contact0[point, tool, i] != 0.0
+        work.stored[c] = 0.0
+        if touched and yields(c, work):
+            position, orientation = tools.position[tool], tools.orientation[tool]
+            out[TOOL_WORK] += stored_energy(c, now.x, position, orientation, model, parameters, tools, work)
         if work.state[c] == OPEN:
             continue
-        point, tool = work.pair[c, 0], work.pair[c, 1]
-        row = work.contact[c]
         out[N_CONTACTS] += 1.0
         out[PENETRATION] = max(out[PENETRATION], -row[GAP])
-        touched = False
         for i in range(3):
             contact[point, tool, i] = row[PRESSURE] * row[NORMAL + i] + row[TRACTION + i]
-            touched = touched or contact0[point, tool, i] != 0.0
         slipped = 0.0
         for i in range(3):
             if touched:
@@ -74,9 +79,22 @@ def _record_contacts(now, end, count, model, parameters, tools, work, result):
         fx, fy, fz = contact[point, tool, 0], contact[point, tool, 1], contact[point, tool, 2]
         acting_place(c, now.x, model, parameters, work, begun)
         acting_place(c, x, model, parameters, work, arm)
-        out[TOOL_WORK] += fx * (arm[0] - begun[0]) + fy * (arm[1] - begun[1]) + fz * (arm[2] - begun[2])
         for i in range(3):
+            way[i] = arm[i] - begun[i]
             arm[i] -= tools.position_next[tool, i]
+        if yields(c, work):
+            position, orientation = tools.position_next[tool], tools.orientation_next[tool]
+            work.stored[c] = stored_energy(c, x, position, orientation, model, parameters, tools, work)
+            out[TOOL_WORK] -= work.stored[c]
+            for i in range(3):
+                out[TOOL_WORK] += row[TRACTION + i] * way[i]
+                way[i] = 0.0
+            find_turn(tools, tool, turn)
+            add_tool_way(tools, tool, turn, arm, 1.0, way)
+            for i in range(3):
+                out[TOOL_WORK] += row[PRESSURE] * row[NORMAL + i] * way[i]
+        else:
+            out[TOOL_WORK] += fx * way[0] + fy * way[1] + fz * way[2]
         wrench[tool, 0] -= fx
         wrench[tool, 1] -= fy
         wrench[tool, 2] -= fz
@@ -93,33 +111,46 @@ def _follow_contacts(x0, x, count, model, parameters, tools, work, result):
     step balances exactly. Contact itself, in the state, stays as it was solved.
     """
     begun, place, moved, force = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    wrench, out, still = result.wrench, result.out, np.zeros(3)
+    wrench, out, still, turn, way = result.wrench, result.out, np.zeros(3), np.empty(3), np.empty(3)
     for c in range(count):
-        if work.state[c] != OPEN:
-            row, lean = work.contact[c], work.lean[c]
-            _moved_by(work.d, model, parameters, work.pair[c, 0], moved)
-            for i in range(3):
-                way = moved[0, i] + lean[0] * moved[1, i] + lean[1] * moved[2, i]
-                out[TOOL_WORK] += (row[PRESSURE] * row[NORMAL + i] + row[TRACTION + i]) * way
-    for point in range(len(model.point_face)):
-        for tool in range(len(wrench)):
-            if work.factored_state[point, tool] == OPEN:
-                continue
+        point, tool, row, lean = work.pair[c, 0], work.pair[c, 1], work.contact[c], work.lean[c]
+        touches = work.state[c] != OPEN
+        by_energy = touches and yields(c, work)
+        if touches:
             _moved_by(work.d, model, parameters, point, moved)
-            force[:] = 0.0
-            add_resistance(-1.0, work.factored[point, tool], work.factored_patch[point, tool], still, moved, force)
-            _frame(x0, model, parameters, point, begun)
-            _frame(x, model, parameters, point, place)
-            for each in range(3):
-                for i in range(3):
-                    out[TOOL_WORK] += force[each, i] * (place[each, i] - begun[each, i])
             for i in range(3):
-                wrench[tool, i] -= force[0, i]
-                place[0, i] -= tools.position_next[tool, i]
-            for each in range(3):
-                for i in range(3):
-                    j, k = (i + 1) % 3, (i + 2) % 3
-                    wrench[tool, 3 + i] -= place[each, j] * force[each, k] - place[each, k] * force[each, j]
+                f = row[TRACTION + i] + (0.0 if by_energy else row[PRESSURE] * row[NORMAL + i])
+                out[TOOL_WORK] += f * (moved[0, i] + lean[0] * moved[1, i] + lean[1] * moved[2, i])
+        if by_energy:
+            position, orientation = tools.position_next[tool], tools.orientation_next[tool]
+            stored = stored_energy(c, x, position, orientation, model, parameters, tools, work)
+            out[TOOL_WORK] += work.stored[c] - stored
+            work.stored[c] = stored
+        if work.factored_state[point, tool] == OPEN:
+            continue
+        _moved_by(work.d, model, parameters, point, moved)
+        force[:] = 0.0
+        add_resistance(-1.0, work.factored[point, tool], work.factored_patch[point, tool], still, moved, force)
+        _frame(x0, model, parameters, point, begun)
+        _frame(x, model, parameters, point, place)
+        for each in range(3):
+            for i in range(3):
+                begun[each, i] = place[each, i] - begun[each, i]
+        for i in range(3):
+            wrench[tool, i] -= force[0, i]
+            place[0, i] -= tools.position_next[tool, i]
+        find_turn(tools, tool, turn)
+        for each in range(3):
+            along = 0.0
+            for i in range(3):
+                along += force[each, i] * row[NORMAL + i] if by_energy else 0.0
+                way[i] = 0.0
+            add_tool_way(tools, tool, turn, place[each], 1.0 if each == 0 else 0.0, way)
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                pressed = along * row[NORMAL + i]
+                out[TOOL_WORK] += (force[each, i] - pressed) * begun[each, i] + pressed * way[i]
+                wrench[tool, 3 + i] -= place[each, j] * force[each, k] - place[each, k] * force[each, j]
 
 
 @njit(cache=True, error_model="numpy")

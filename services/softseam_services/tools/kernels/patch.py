@@ -74,6 +74,20 @@ def press(inside, sag):
     return 0.5 * (ahead + root), 0.5 + 0.5 * (ahead + 2.0 * LIGHT / DENSE * sag) / root
 
 
+@njit(cache=True, error_model="numpy")
+def press_energy(inside, sag):
+    """What eq. (1) stores over r [m^2], the integral of F/r, of a patch that is inside a tool by d [m]; s >= 0 [m]."""
+    if inside <= 0.0:
+        return 0.0
+    if sag == 0.0:
+        return 0.5 * inside * inside
+    before = (1.0 - 2.0 * LIGHT / DENSE) * sag
+    square, ahead = sag * sag - before * before, inside - before
+    root = np.sqrt(ahead * ahead + square)
+    curved = ahead * root + before * sag + square * np.log((ahead + root) / (sag - before))
+    return 0.25 * (inside * (inside - 2.0 * sag) + curved)
+
+
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _on_one_face(shape, x, y, z, u, v):
     """Which face of a box with half edges and their radius (4,) all of a patch is nearest to, u and v of which are its
@@ -176,6 +190,32 @@ def patch_press(kind, shape, position, orientation, point, u, v, sag, places):
     kss, kst, ktt = kss / slopes - ks * ks, kst / slopes - ks * kt, ktt / slopes - kt * kt
     nx, ny, nz = rotate(orientation, nx, ny, nz)
     return size / places**2, k / places**2, nx, ny, nz, a, b, ks, kt, kss, kst, ktt
+
+
+@njit(cache=True, error_model="numpy")
+def patch_energy(kind, shape, position, orientation, point, u, v, sag, places):
+    """The energy of which eq. (2) is the slope, over r [m^2]: the mean of `press_energy` of the places of a patch; as
+    of `patch_press`."""
+    x, y, z = rotate_back(orientation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
+    gap, nx, ny, nz = turned_gap(kind, shape, x, y, z)
+    size = 0.5 * (np.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) + np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]))
+    if gap > size * steepness(kind):
+        return 0.0
+    u, v = rotate_back(orientation, u[0], u[1], u[2]), rotate_back(orientation, v[0], v[1], v[2])
+    if kind == BOX and sag == 0.0 and _on_one_face(shape, x, y, z, u, v) >= 0:
+        by_u, by_v = nx * u[0] + ny * u[1] + nz * u[2], nx * v[0] + ny * v[1] + nz * v[2]
+        if gap < -0.5 * (abs(by_u) + abs(by_v)):
+            return 0.5 * (gap * gap + (1.0 - 1.0 / places**2) / 12.0 * (by_u * by_u + by_v * by_v))
+    energy = 0.0
+    for i in range(places):
+        s = (2 * i + 1.0 - places) / (2.0 * places)
+        for j in range(places):
+            t = (2 * j + 1.0 - places) / (2.0 * places)
+            gap, _, _, _ = turned_gap(
+                kind, shape, x + s * u[0] + t * v[0], y + s * u[1] + t * v[1], z + s * u[2] + t * v[2]
+            )
+            energy += press_energy(-gap, sag)
+    return energy / places**2
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
