@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import pytest
 from cubes import EDGE, FIRM, SOFT, cube, piled, scene_of
 
 import softseam
+from softseam_services.pbd.fours import Built, fours_of
+from softseam_services.pbd.kernels.fours import Fours
 
 MASS = 1000.0 * EDGE**3
 
@@ -72,6 +77,30 @@ def test_bodies_that_do_not_touch_are_as_without_contact() -> None:
         np.testing.assert_array_equal(seen.bodies[name].positions, without.bodies[name].positions)
     middles = [one.bodies["high"].positions[:, 2].mean() for one in (without, seen)]
     assert middles[0] < 1.4 * EDGE < middles[1] and seen.report.interfaces["b"].n_nodes == 0
+
+
+def test_bodies_that_are_swept_four_at_a_time_have_their_own_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three rows of three cubes that tip over: six are alike but for one's density, two are stiffer, and one has more
+    cells. To the bit as if each were swept by itself."""
+    stiff, light = {"material": SOFT | {"young": 4.0e4}}, {"material": SOFT | {"density": 800.0}}
+    own: dict[int, dict[str, Any]] = {0: stiff, 1: stiff, 2: {"cell": EDGE / 2}, 4: light}
+    places = {f"cube{at}": [0.03 * (at % 3), 0.0502 * (at // 3), 0.001 + 0.0502 * (at % 3)] for at in range(9)}
+    bodies = {name: cube(0, 1, 1, position=place) | own.get(at, {}) for at, (name, place) in enumerate(places.items())}
+    touch = {f"{a}_{b}": {"kind": "contact", "between": [a, b]} for a in bodies for b in bodies if a < b}
+    kinds = []
+
+    def one_by_one(built: Sequence[Built]) -> Fours:
+        kinds.append(fours_of(built).kind)
+        return fours_of(built)._replace(kind=np.full(len(built), -1, dtype=np.int32))
+
+    with softseam.open(scene_of(bodies, interfaces=touch)) as sim:
+        found = sim.run(max_steps=30, fields=True)
+    monkeypatch.setattr("softseam_services.pbd.pile_pieces.fours_of", one_by_one)
+    with softseam.open(scene_of(bodies, interfaces=touch)) as sim:
+        single = sim.run(max_steps=30, fields=True)
+    assert {tuple(kind.tolist()) for kind in kinds} == {(0, 0, -1, 1, 1, 1, 1, 1, 1)}
+    for name in bodies:
+        np.testing.assert_array_equal(found.bodies[name].positions, single.bodies[name].positions)
 
 
 def test_groups_come_and_go_with_the_same_bits() -> None:

@@ -137,7 +137,8 @@ class PileSolver:
         of_pile.advance_bodies(rows, alone, self._inputs, request.dt, *working)
         if between.n_groups:
             advance_touching(
-                *(rows, between.n_groups, between.groups, between.touch, between.eights, self._now, between.books),
+                *(rows, between.n_groups, between.groups, between.touch, between.eights, self._all.fours),
+                *(self._now, between.books),
                 *(self._guests.patches, self._guests.arrays, self._all.xw, self._inputs, request.dt, *working),
             )
         dissipated = np.zeros(len(self.pieces))

@@ -14,6 +14,7 @@ from softseam_services.body.region import build_region
 from softseam_services.jit import Rows
 
 from .field_reader import FieldReader
+from .fours import fours_of
 from .kernels.lanes import LINE, aligned
 from .kernels.summary import N_RESULTS
 from .kernels.trust import N_MONITOR
@@ -94,6 +95,8 @@ class Pieces:
         """of the bodies there"""
         self.first_row = nodes[:-1].astype(np.int32)
         """row of each body's first node there (b,)"""
+        self.fours = fours_of([(model, parameters) for _, _, model, parameters in built])
+        """those that are swept four at a time"""
         self.each: list[Piece] = []
         """in the order of the bodies"""
         for number, (body, region, model, parameters) in enumerate(built):

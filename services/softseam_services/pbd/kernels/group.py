@@ -12,8 +12,11 @@ from softseam_services.jit import njit
 from .between import account_rows, begin_rows, end_rows, look_at_rows, project_rows, pull_rows
 from .contact import account_pairs, project_contacts
 from .damping import damping_share
+from .fours import end_fours, form_fours, soften_lane, sweep_four
 from .guests import begin_guests, end_guests, place_guests, project_patches, push_guests
 from .hold import soften_held_blocks
+from .lanes import LANES
+from .pairs import EIGHT
 from .patches import (
     account_patches,
     begin_patches,
@@ -99,12 +102,37 @@ def _close_visits(group, visits, touch, books, xw, h, n_substeps):
 
 
 @njit(cache=True, error_model="numpy")
-def _substeps(members, group, touch, eights, visits, books, xw, inputs, dt, n_substeps, n_sweeps, team, ws):
+def _between_rows(one, h, softens):
+    """Contacts of a body with tools, and which of its blocks these hold, between two solves of the rows."""
+    contacts = one.scratch.contacts
+    project_contacts(one.model, one.parameters, contacts, one.scratch.xw, h * h, True)
+    if softens:
+        soften_held_blocks(one.model, one.parameters, contacts, one.scratch.softness)
+
+
+@njit(cache=True, error_model="numpy")
+def _four(members, fours, four, xw, h, sweeps, ws):
+    """What comes between two solves of the rows, of the bodies of a four."""
+    for lane in range(LANES):
+        body = fours.bodies[four, lane]
+        if body < 0:
+            break
+        _between_rows(members[body], h, sweeps)
+        if sweeps:
+            soften_lane(members[body], fours, four, lane)
+    if sweeps:
+        sweep_four(members[fours.bodies[four, 0]], fours, four, xw, h, ws)
+
+
+@njit(cache=True, error_model="numpy")
+def _substeps(members, group, touch, eights, fours, visits, books, xw, inputs, dt, n_substeps, n_sweeps, team, ws):
     """All substeps of bodies that meet. What is a body's own between two solves of the rows comes at one go, while its
     numbers are in the cache: those of many bodies are not."""
     bodies, meetings, first, end, _ = group
     patches, guests = visits
     h = dt / n_substeps
+    alone = np.empty(len(bodies), dtype=np.int64)
+    n_fours, n_alone = form_fours(members, touch.row, fours, bodies, len(xw) - EIGHT, alone)
     _open_visits(members, group, touch, visits, xw, 0, n_substeps)
     for body in bodies:
         _open(members[body], body, touch, books, xw, inputs, dt, n_substeps, n_sweeps, 0, team, ws)
@@ -112,13 +140,13 @@ def _substeps(members, group, touch, eights, visits, books, xw, inputs, dt, n_su
         for round_ in range(n_sweeps + 1):
             project_rows(eights, first, end, books, xw, h * h)
             project_patches(members, touch, patches, meetings, bodies, xw, h * h, guests, n_substeps)
-            for body in bodies:
-                one = members[body]
-                contacts = one.scratch.contacts
-                project_contacts(one.model, one.parameters, contacts, one.scratch.xw, h * h, True)
+            for four in range(n_fours):
+                _four(members, fours, four, xw, h, round_ < n_sweeps, ws)
+            for i in range(n_alone):
+                one = members[alone[i]]
+                _between_rows(one, h, round_ < n_sweeps)
                 if round_ < n_sweeps:
                     share = damping_share(one.parameters.stiffness_time, one.parameters.lag, h, n_sweeps)
-                    soften_held_blocks(one.model, one.parameters, contacts, one.scratch.softness)
                     _sweep(one, round_ + 1, share, h, team, ws)
         look_at_rows(eights, first, end, books, xw)
         account_rows(touch, meetings, books, h)
@@ -131,10 +159,11 @@ def _substeps(members, group, touch, eights, visits, books, xw, inputs, dt, n_su
             _close(one, share, h, n_substeps, team)
             if substep + 1 < n_substeps:
                 _open(one, body, touch, books, xw, inputs, dt, n_substeps, n_sweeps, substep + 1, team, ws)
+    end_fours(members, fours, n_fours)
 
 
 @njit(cache=True, error_model="numpy")
-def _attempt(members, group, touch, eights, visits, now, books, xw, inputs, number, dt, team, ws, notes):
+def _attempt(members, group, touch, eights, fours, visits, now, books, xw, inputs, number, dt, team, ws, notes):
     """One attempt at a step of bodies that touch."""
     bodies, meetings, first, end, which = group
     patches, guests = visits
@@ -161,7 +190,7 @@ def _attempt(members, group, touch, eights, visits, now, books, xw, inputs, numb
         carried(one.model, one.parameters, one.after, one.scratch.xw, one.scratch.pull)
     look_at_rows(eights, first, end, books, xw)
     _clear(books, bodies, meetings)
-    _substeps(members, group, touch, eights, visits, books, xw, inputs, dt, n_substeps, n_sweeps, team, ws)
+    _substeps(members, group, touch, eights, fours, visits, books, xw, inputs, dt, n_substeps, n_sweeps, team, ws)
     end_guests(guests, which, n_substeps, False)
     for body in bodies:
         one = members[body]
@@ -184,7 +213,7 @@ def _clear(books, bodies, meetings):
 
 
 @njit(cache=True, error_model="numpy")
-def _advance(members, group, touch, eights, visits, now, books, xw, inputs, dt, team, ws, notes):
+def _advance(members, group, touch, eights, fours, visits, now, books, xw, inputs, dt, team, ws, notes):
     """A step of bodies that touch, tried until all are believed."""
     bodies, meetings, first, end, which = group
     patches, guests = visits
@@ -192,7 +221,7 @@ def _advance(members, group, touch, eights, visits, now, books, xw, inputs, dt, 
         notes[body, :] = 0
     causes = np.full(len(bodies), NONE)
     for number in range(RETRIES + 1):
-        _attempt(members, group, touch, eights, visits, now, books, xw, inputs, number, dt, team, ws, notes)
+        _attempt(members, group, touch, eights, fours, visits, now, books, xw, inputs, number, dt, team, ws, notes)
         again = False
         for i in range(len(bodies)):
             body = bodies[i]
@@ -216,11 +245,12 @@ def _advance(members, group, touch, eights, visits, now, books, xw, inputs, dt, 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def advance_touching(
-    members, n_groups, groups, touch, eights, now, books, patches, guests, xw, inputs, dt, team, ws, notes
+    members, n_groups, groups, touch, eights, fours, now, books, patches, guests, xw, inputs, dt, team, ws, notes
 ):
     """A step of dt [s] of the bodies of all groups, from their `before` into their `after`, group after group.
 
     groups, eights  so many groups, of the rows in `touch`; guests are among their bodies, and meet them by patches
+    fours           see `fours`, of all bodies of the pile
     now             which of the forces between bodies the step begins with; the others are what it ends with
     xw              positions and inverse masses of all bodies of the pile
     notes           of each body (b, N_NOTES), overwritten for these
@@ -232,4 +262,4 @@ def advance_touching(
         which = bodies[n_own:] - guests.n_own[0]
         group = bodies[:n_own], meetings, groups.first_eight[at], groups.first_eight[at + 1], which
         visits = patches, guests
-        _advance(members, group, touch, eights, visits, now, books, xw, inputs, dt, team, ws, notes)
+        _advance(members, group, touch, eights, fours, visits, now, books, xw, inputs, dt, team, ws, notes)
