@@ -273,6 +273,9 @@ def quantities() -> None:
     _out().print(table)
 
 
+_list_after("quantities")
+
+
 @app.command()
 def schema(
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write to this file instead of printing.")] = None,

@@ -20,6 +20,9 @@ COMMANDS = {
         "calibrate": "softseam_studies.cli_studies:calibrate",
         "atlas": "softseam_studies.cli_studies:atlas",
     },
+    "quantities": {
+        "materials": "softseam_studies.cli_fitting:materials",
+    },
     "schema": {
         "import": "softseam_studies.cli_fitting:import_template",
         "fit": "softseam_studies.cli_fitting:fit",

@@ -1,43 +1,84 @@
-"""The commands that make files of others: `softseam fit`, `softseam surrogate`, `softseam import`."""
+"""The commands of numbers, given and found: `softseam materials`, `fit`, `surrogate` and `import`."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
 
 from softseam.cli_options import SceneArgument, Wanted, command
+from softseam_protocol.scene.foods import FOODS
+
+if TYPE_CHECKING:
+    FoodName = str
+else:
+    FoodName = Literal[tuple(FOODS)]
+
+MATERIALS = (
+    "[bold]What it does[/bold]\n\n"
+    "`material: tofu_firm` in a scene takes all numbers of a food, `material: {food: tofu_firm, young: 30e3}` all but "
+    "those that are said. What is simulated and recorded are numbers.\n\n"
+    "[bold]Examples[/bold]\n\n"
+    "softseam materials\n\n"
+    "softseam materials --show tofu_firm --picture tofu_firm.png"
+)
+
+
+@dataclass(frozen=True)
+class Foods:
+    """Foods that a scene's `material` may name: their numbers, where these are from, and which are assumed."""
+
+    show: Annotated[FoodName | None, typer.Option(metavar="NAME", help="All numbers of one, with their sources.")] = (
+        None
+    )
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw what it does when it is pulled, pressed and held.")
+    ] = None
+
+
+materials = command(Foods, "softseam_studies.foods.command:foods")
+
 
 FIT = (
     "[bold]What it does[/bold]\n\n"
-    "The file has a line of names, then numbers: time [s], and forces of the body on tools [N]: left is the size of "
-    "that on the tool left, left.x its part along x. The scene's own motion is run with FEM, and Gauss-Newton's method "
-    "finds the numbers for which it is nearest to the file, by exact derivatives along the run. Standard errors follow "
-    "from what is left, as if it were noise of every row apart. A number that the file does not determine is named, "
-    "and stays.\n\n"
+    "The file has a line of names, then numbers: time \\[s], and forces of the body on tools \\[N]: left is the size "
+    "of that on the tool left, left.x its part along x. The scene's own motion is run with FEM, and Gauss-Newton's "
+    "method finds the numbers for which it is nearest to the file, by exact derivatives along the run. Standard errors "
+    "follow from what is left, as if it were noise of every row apart. A number that the file does not determine is "
+    "named, and stays.\n\n"
+    "Without a scene the file is a laboratory's, of a material: frequency \\[rad/s], storage and loss \\[Pa] of a "
+    "sweep, or time \\[s], stretch and stress \\[Pa] of a bar whose sides are free, however it was pulled, pressed and "
+    "held. Found are its modulus and the branches of `relaxation`, one a decade, by least squares.\n\n"
     "[bold]Examples[/bold]\n\n"
     "softseam fit my.yaml squeeze.csv\n\n"
     "softseam fit my.yaml squeeze.csv --find young,friction --out fitted.yaml\n\n"
-    "softseam fit my.yaml drag.csv --find friction.plate --set body.material.young=12e3"
+    "softseam fit my.yaml drag.csv --find friction.plate --set body.material.young=12e3\n\n"
+    "softseam fit sweep.csv --picture sweep.png"
 )
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Find a body's stiffness and friction from a measured force, and say how sure they are."""
+    """Find stiffness, friction and how a material relaxes from measured curves, and say how sure they are."""
 
-    scene: SceneArgument
-    curve: Annotated[Path, typer.Argument(metavar="CURVE", help="Measured forces, a .csv file.")]
+    scene: Annotated[
+        str,
+        typer.Argument(metavar="SCENE", help="A scene file, or the name of a bundled scene; left out, of a material."),
+    ]
+    curve: Annotated[Path | None, typer.Argument(metavar="CURVE", help="What was measured, a .csv file.")] = None
     find: Annotated[
         str, typer.Option(metavar="NAMES", help="What to find: young, friction (of all tools), friction.TOOL.")
     ] = "young"
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the fitted scene to this .yaml file.")] = None
     runs: Annotated[int, typer.Option(metavar="N", help="Most runs of the scene.")] = 10
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw what was measured and fitted, of a material.")
+    ] = None
     settings: Wanted = ()
 
 
-fit = command(Fit, "softseam_studies.fit.command:fit_scene")
+fit = command(Fit, "softseam_studies.fit.command:fit_curve")
 
 
 SURROGATE = (

@@ -25,7 +25,7 @@ def _epilog(text: str) -> list[str]:
     """An epilog as paragraphs; the commands among them as code."""
     lines: list[str] = []
     for block in _MARKUP.sub("**", text).split("\n\n"):
-        said = " ".join(block.split())
+        said = " ".join(block.split()).replace("\\[", "[")  # that marks nothing up
         if said.startswith("softseam "):
             lines.append(f"    {said}")
         elif said:

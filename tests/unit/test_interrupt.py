@@ -21,25 +21,28 @@ pytestmark = pytest.mark.kernels
 SCENE = """\
 softseam: 1
 name: cube
-gravity: [0, 0, -9810]
-step: 0.01
-duration: 0.05
+step: {step}
+duration: {duration}
 body:
   shape: {{kind: block, size: [0.04, 0.04, 0.04]}}
   cell: {cell}
-  material: {{young: 20.0e3, poisson: 0.45, density: 1050}}
+  material: {{young: {young}, poisson: 0.45, density: 1050}}
 tools:
   ground: {{kind: plane, friction: 0.5}}
 regions: {{default: fem}}
 quantities: [sag]
 """
 
+SOUND = {"step": 0.01, "duration": 0.05, "young": 20e3}
+SINKS = {"step": 0.316, "duration": 1.58, "young": 20.0}
+"""by twenty times its height under its own weight"""
+
 
 @pytest.fixture(scope="module", autouse=True)
 def loaded(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Kernels, so that no time goes into them."""
     path = tmp_path_factory.mktemp("scene") / "cube.yaml"
-    path.write_text(SCENE.format(cell=0.02).replace("-9810", "-9.81"))
+    path.write_text(SCENE.format(cell=0.02, **SOUND))
     assert measure(str(path), (), ("sag",), runs=0).status == "done"
 
 
@@ -47,13 +50,16 @@ def loaded(tmp_path_factory: pytest.TempPathFactory) -> None:
 def test_a_run_is_stopped_within_a_step(cell: float, limit: float, tmp_path: Path) -> None:
     """An iteration of the smallest cells takes a second or two, and one kernel does thirty of them."""
     path = tmp_path / "cube.yaml"
-    path.write_text(SCENE.format(cell=cell))
+    path.write_text(SCENE.format(cell=cell, **SINKS))
     began = time.perf_counter()
     found = measure(str(path), (), ("sag",), limit=limit)
     assert found.status == "stopped" and found.series is None
     assert re.fullmatch(rf"stopped at 0(\.\d+)? s of motion, after {limit:.0f} s", found.reason)
-    assert found.setup + limit <= time.perf_counter() - began < found.setup + limit + 12.0
-    sound = measure(str(path), ("gravity=[0, 0, -9.81]", "body.cell=0.02"), ("sag",), runs=0)
+    assert found.setup + limit <= time.perf_counter() - began
+    assert found.cpu < found.setup + limit + 12.0  # of the processor: a busy machine takes longer
+    sound = measure(
+        str(path), ("step=0.01", "duration=0.05", "body.material.young=20e3", "body.cell=0.02"), ("sag",), runs=0
+    )
     assert sound.status == "done" and sound.series is not None
 
 

@@ -24,7 +24,16 @@ from softseam_services.tools.build import build_tools
 
 SCENES = Path(__file__).parents[2] / "scenes"
 CELLS = ["calamari", "cantilever", "dumpling", "heavy_on_soft", "sausage", "sausage_bend", "silken_tofu"]
-CELLS += ["stiff_inclusion", "tofu_drop", "tofu_grasp", "tofu_pads", "tofu_push", "tofu_slab", "template_fem"]
+CELLS += [
+    "stiff_inclusion",
+    "tofu_drop",
+    "tofu_grasp",
+    "tofu_held",
+    "tofu_pads",
+    "tofu_push",
+    "tofu_slab",
+    "template_fem",
+]
 SEVERAL = {"cheese_in_tofu": 19, "dumplings": 8, "strawberries": 14, "tofu_tray": 28}
 PARTICLES = ["cloth_fold", "jelly", "pudding", "rope", "template_pbd"]
 

@@ -20,10 +20,10 @@ Floats = NDArray[np.float64]
 RADIUS, LENGTH, SLOPE = 0.025, 0.05, np.radians(10.0)
 
 
-def cylinder(facets: int) -> str:
+def cylinder(facets: int, radius: float = RADIUS) -> str:
     """An OBJ file of a cylinder about y."""
     angle, around = 2.0 * np.pi * np.arange(facets) / facets, range(facets)
-    ring = RADIUS * np.stack([np.cos(angle), 0.0 * angle, np.sin(angle)], axis=1)
+    ring = radius * np.stack([np.cos(angle), 0.0 * angle, np.sin(angle)], axis=1)
     ends = [ring + np.array([0.0, y, 0.0]) for y in (-0.5 * LENGTH, 0.5 * LENGTH)]
     points = np.concatenate([*ends, [[0.0, -0.5 * LENGTH, 0.0], [0.0, 0.5 * LENGTH, 0.0]]])
     first, second, low, high = 1, 1 + facets, 1 + 2 * facets, 2 + 2 * facets
@@ -36,9 +36,27 @@ def cylinder(facets: int) -> str:
     return "\n".join(lines) + "\n"
 
 
-def scene(folder: Path, model: str, body: dict[str, Any], **keys: Any) -> Path:
-    """The file of a scene with a cylinder on or above the ground."""
-    (folder / "cylinder.obj").write_text(cylinder(192))
+def ball(radius: float) -> str:
+    """An OBJ file of a ball of 48 rings about z."""
+    rings, around = 48, 96
+    polar, turn = np.pi * np.arange(1, rings) / rings, 2.0 * np.pi * np.arange(around) / around
+    unit = [
+        np.stack([np.sin(p) * np.cos(turn), np.sin(p) * np.sin(turn), np.cos(p) + 0.0 * turn], axis=1) for p in polar
+    ]
+    points = radius * np.concatenate([[[0.0, 0.0, 1.0]], *unit, [[0.0, 0.0, -1.0]]])
+    faces = []
+    for i in range(around):
+        j = (i + 1) % around
+        faces += [(1, 2 + i, 2 + j), (len(points), len(points) - around + j, len(points) - around + i)]
+        for begin in range(2, len(points) - around, around):
+            faces += [(begin + i, begin + around + i, begin + around + j), (begin + i, begin + around + j, begin + j)]
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()] + [f"f {a} {b} {c}" for a, b, c in faces]
+    return "\n".join(lines) + "\n"
+
+
+def scene(folder: Path, model: str, body: dict[str, Any], mesh: str | None = None, **keys: Any) -> Path:
+    """The file of a scene with a cylinder, or another mesh, on or above the ground."""
+    (folder / "cylinder.obj").write_text(cylinder(192) if mesh is None else mesh)
     material = {"kind": "neo_hookean", "young": 2e5, "poisson": 0.3, "density": 1000.0}
     shape = {"kind": "mesh", "path": "cylinder.obj"}
     whole = {
@@ -68,24 +86,75 @@ def mass_of(body: Body) -> Floats:
     return mass
 
 
+def rolled(file: Path, radius: float, down: Floats, away: Floats) -> tuple[float, float, list[str]]:
+    """Way along `down` over that of a rigid body of this radius, less 1; by how much that is to be for what the body
+    sinks in; kinds of what the run says.
+
+    With its middle z above the plane, gravity's torque is m g sin(a) z; it turns by its way over r less a third of what
+    it sinks in (a smooth ball or cylinder on a rigid plane, small strains). So its way is shorter by
+    k/(1 + k) 4/3 (r - z)/r, k = I/(m r^2).
+    """
+    mass, gravity = mass_of(body_of(file)), np.array(json.loads(file.read_text())["gravity"])
+    with softseam.open(file) as sim:
+        first = sim.reset()
+        steps: list[softseam.Observation] = []
+        sim.run(steps.append, fields=True)
+    ways = [mass @ np.asarray(o.positions) / mass.sum() for o in (first, *steps)]
+    arms = np.asarray(first.positions) - ways[0]
+    share = mass @ (arms[:, ::2] ** 2).sum(axis=1) / mass.sum() / radius**2
+    expected = 0.5 * float(gravity @ down) / (1.0 + share) * steps[-1].time ** 2
+    sank = float(np.mean([(ways[0] - way) @ away for way in ways[1:]])) / radius
+    off = float((ways[-1] - ways[0]) @ down) / expected - 1.0
+    return off, -4.0 / 3.0 * share / (1.0 + share) * sank, [str(e.kind) for o in steps for e in o.events]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("model", "within"), [("fem", 0.02), ("pbd", 0.03)])
-def test_a_cylinder_rolls_down_a_slope(tmp_path: Path, model: str, within: float) -> None:
-    """g sin(a)/(1 + I/(m r^2)) t^2/2 within 2 %, I of the masses in the cells; by XPBD, whose substeps damp where it is
-    pressed, within 3 %. No step is said to add energy."""
+@pytest.mark.parametrize("model", ["fem", "pbd"])
+def test_a_cylinder_rolls_down_a_slope(tmp_path: Path, model: str) -> None:
+    """g sin(a)/(1 + I/(m r^2)) t^2/2 within 2 %, I of the masses in the cells. No step is said to add energy."""
     gravity = [9.81 * np.sin(SLOPE), 0.0, -9.81 * np.cos(SLOPE)]
     file = scene(tmp_path, model, {}, gravity=gravity, duration=0.5)
-    mass = mass_of(body_of(file))
-    with softseam.open(file) as sim:
-        start = sim.reset()
-        steps: list[softseam.Observation] = []
-        last = sim.run(steps.append, fields=True)
-    began, ended = (mass @ np.asarray(o.positions) / mass.sum() for o in (start, last))
-    arms = np.asarray(start.positions) - began
-    share = mass @ (arms[:, ::2] ** 2).sum(axis=1) / mass.sum() / RADIUS**2
-    expected = 0.5 * gravity[0] / (1.0 + share) * last.time**2
-    assert ended[0] - began[0] == pytest.approx(expected, rel=within)
-    assert not [e.message for o in steps for e in o.events if e.kind == "energy"]
+    off, _, said = rolled(file, RADIUS, np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+    assert abs(off) < 0.02
+    assert "energy" not in said
+
+
+SLOW = {
+    "cylinder": (lambda: cylinder(160, 0.017), 0.017, 0.0085, 5.5, (0.0, 0.25, 0.5, 0.75)),
+    "cylinder, hardly": (lambda: cylinder(160, 0.017), 0.017, 0.0085, 3.0, (0.0,)),
+    "facets": (lambda: cylinder(48, 0.017), 0.017, 0.0085, 5.5, (0.0,)),
+    "ball": (lambda: ball(0.023), 0.023, 0.009, 9.5, (0.0, 0.25, 0.5, 0.75)),
+    "ball, hardly": (lambda: ball(0.023), 0.023, 0.009, 7.0, (0.0,)),
+}
+"""meshes, radius [m], cell [m], slope [degrees], and where they first touch, from a corner of an octant to the next;
+from other places one of facets begins on one of them, and is no cylinder"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", SLOW)
+def test_what_rolls_slowly_by_xpbd_starts_in_time(tmp_path: Path, shape: str) -> None:
+    """Within 2 % of the way of a rigid body that sinks in as much, wherever on an octant's face it touches first.
+
+    Octants are softest at their corners: there a body starts in a well, and late, by 2.5 to 4.3 % of the way before
+    points yielded by how far they are from corners.
+    """
+    make, radius, cell, degrees, places = SLOW[shape]
+    slope, h = np.radians(degrees), 0.5 * cell
+    for place in places:
+        turn = place * h / radius
+        away = np.array([np.sin(turn), 0.0, np.cos(turn)])
+        down = np.array([np.cos(turn), 0.0, -np.sin(turn)])
+        point = np.array([0.0, 0.0, radius]) - radius * (1.0 + 1e-7) * away
+        gravity = 9.81 * (np.sin(slope) * down - np.cos(slope) * away)
+        ground = {"kind": "plane", "friction": 0.9, "normal": away.tolist(), "point": point.tolist()}
+        body = {"cell": cell, "material": {"kind": "neo_hookean", "young": 3e5, "poisson": 0.3, "density": 1000.0}}
+        file = scene(
+            *(tmp_path, "pbd", body),
+            **{"mesh": make(), "gravity": gravity.tolist(), "duration": 0.5, "tools": {"ground": ground}},
+        )
+        off, due, said = rolled(file, radius, down, away)
+        assert off == pytest.approx(due, abs=0.02), place
+        assert "energy" not in said
 
 
 def test_a_thrown_mesh_keeps_its_spin(tmp_path: Path) -> None:

@@ -59,9 +59,9 @@ def test_a_snapshot_of_what_sleeps_goes_on_with_the_same_bits() -> None:
         while sum(part.iterations for part in sim.step().parts.values()):
             pass
         kept = sim.snapshot()
-        after = [sim.step() for _ in range(200)]
+        after = [sim.step() for _ in range(240)]
         sim.restore(kept)
-        again = [sim.step() for _ in range(200)]
+        again = [sim.step() for _ in range(240)]
     assert any(event.kind == EventKind.SLEEP for one in after for event in one.events)
     for one, other in zip(after, again, strict=True):
         assert one.energies == other.energies and one.quantities == other.quantities

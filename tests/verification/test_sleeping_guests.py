@@ -35,11 +35,12 @@ def grips() -> list[list[Observation]]:
 
 
 def test_bystanders_sleep_while_a_guest_is_gripped(grips: list[list[Observation]]) -> None:
-    """All sleep before; then some at the ends do in each step, the lifted one never. As it is held at last, those
-    beside it at most are awake with it, and in the end none."""
+    """All sleep before, and as plates come down beside it without touching it; then some at the ends do in each step,
+    the lifted one never. As it is held at last, those beside it at most are awake with it, and in the end none."""
     counts = [awake(one.report) for one in grips[0]]
     assert not counts[95]
-    moved = counts[100:170]
+    begins = next(n for n in range(100, 110) if counts[n])
+    moved = counts[begins:170]
     assert all("cube120" in names and len(names) < 12 for names in moved)
     assert all(names <= {"cube110", "cube120", "cube130"} for names in counts[170:]) and not counts[-1]
     assert grips[0][-1].bodies["cube120"].positions[:, 2].min() > 0.025
@@ -86,18 +87,18 @@ def test_a_guest_below_wakes_by_what_presses_it(presses: list[Observation]) -> N
     assert np.ptp(ground[1]) > WEIGHT
     assert np.abs(ground[0] - ground[1]).max() < 0.02 * WEIGHT
     upper = [awake(one.report) for one in found[0][100:]]
-    assert {"cube001", "cube101"} in upper and any("cube000" in names for names in upper)
+    assert {"cube001"} in upper and any("cube000" in names for names in upper)
     still = found[0][99]
     assert -still.wrench["ground"][2] == pytest.approx(4.0 * WEIGHT, rel=1e-2)
 
 
 def test_it_goes_on_with_the_same_bits_while_some_sleep(presses: list[Observation]) -> None:
-    """From snapshots taken as all move, as they fall asleep, while all sleep, just before a tool wakes two, while some
+    """From snapshots taken as all move, as they fall asleep, while all sleep, just before a tool wakes one, while some
     sleep, and just before a guest wakes within a step."""
     before = [awake(one.report) for one in presses]
-    wakes = next(n for n in range(101, len(before)) if len(before[n]) > len(before[n - 1]))
-    starts = 3, before.index({"cube100"}), 60, 98, 130, wakes - 3
-    assert not before[60] and before[130] == {"cube001", "cube101"} and wakes > 150
+    comes, wakes = (n for n in range(101, len(before)) if len(before[n]) > len(before[n - 1]))
+    starts = 3, before.index({"cube100"}), 60, comes - 2, comes + 1, wakes - 1
+    assert not before[60] and before[comes + 1] == {"cube001"} and before[wakes] == {"cube000", "cube001"}
     with softseam.open(pressed(sleep="calm")) as sim:
         sim.reset(seed=0)
         first, kept = [], {}

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import softseam
+from softseam.errors import SoftseamError
 from softseam_protocol.messages.session import StepReport
 from softseam_protocol.scene.scene import Scene
 
@@ -100,3 +101,10 @@ def test_a_guest_is_squeezed_between_a_pile_and_others(models: tuple[str, ...]) 
     found = squeezed(models, 1e6, 0.0025)
     np.testing.assert_allclose(found.wrench[:, 2], alone.wrench[:, 2], rtol=0.01)
     assert found.wrench[:, 2].sum() == pytest.approx(-3.0 * 0.04**3 * 1000.0 * 9.81, rel=1e-4)
+
+
+@pytest.mark.parametrize(("young", "step"), [(3e5, 0.005), (2e6, 0.0025)])
+def test_a_guest_that_is_squeezed_beyond_that_is_named(young: float, step: float) -> None:
+    """It was thrown about in silence, and the press felt nothing in the end."""
+    with pytest.raises(SoftseamError, match=r"cube1 fell over.*Take steps of [0-9.]+ ms or shorter"):
+        squeezed(("pbd", "fem", "pbd"), young, step)

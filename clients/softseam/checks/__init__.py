@@ -6,7 +6,20 @@ What needs bodies that are built is in the table of the services (`softseam_serv
 import math
 from collections.abc import Mapping, Sequence
 
-from softseam.checks import idle, law, length, locks, motion, swings, together, tools, units, unmet, viscosity
+from softseam.checks import (
+    idle,
+    law,
+    length,
+    locks,
+    motion,
+    relaxation,
+    swings,
+    together,
+    tools,
+    units,
+    unmet,
+    viscosity,
+)
 from softseam.columns import Columns
 from softseam.to_check import Ended, Written
 from softseam_protocol.checks import Check, When, anything, look, require_files
@@ -23,6 +36,7 @@ SCENE: Table[Check[Written]] = Table(
         "locks": Check(When.BEFORE, anything, locks.look),
         "length": Check(When.BEFORE, anything, length.look),
         "law": Check(When.BEFORE, anything, law.look),
+        "relaxation": Check(When.BEFORE, lambda seen: seen.body.has_cells, relaxation.look),
         "motion": Check(When.BEFORE, anything, motion.look),
         "units": Check(When.BEFORE, anything, units.look),
         "tools": Check(When.BEFORE, anything, tools.look),

@@ -20,34 +20,52 @@ from softseam_protocol.models import REFERENCE
 from softseam_protocol.scene.file import bundle_scene, scene_json
 from softseam_protocol.scene.scene import Scene
 from softseam_studies.cli_fitting import Fit
+from softseam_studies.fit.branches import Branches
 from softseam_studies.fit.curve import Curve, check_times, read_curve, read_off
+from softseam_studies.fit.laboratory import fit_material
 from softseam_studies.fit.least_squares import Answer, Floats, fit
 from softseam_studies.fit.numbers import Number, numbers_of
 
 
+def fit_curve(wishes: Fit, console: Console) -> Answer | Branches:
+    """Fit, print, and write what is asked for. Raises BadInput, SceneRefused and SimulationFailed."""
+    if wishes.curve is not None:
+        return fit_scene(wishes, console)
+    if not wishes.scene.endswith(".csv"):
+        raise BadInput(f"softseam fit {wishes.scene}: say what was measured, a .csv file, after the scene")
+    return fit_material(Path(wishes.scene), wishes.picture, console)
+
+
 def fit_scene(wishes: Fit, console: Console) -> Answer:
-    """Fit, print, and write the fitted scene if asked. Raises BadInput, SceneRefused and SimulationFailed."""
+    """A scene's numbers, of its tools' forces. Raises BadInput, SceneRefused and SimulationFailed."""
+    assert wishes.curve is not None
+    path = wishes.curve
     if wishes.runs < 2:
         raise BadInput(f"--runs {wishes.runs}: at least 2, one to begin with and one to try")
     given, bundle = bundle_of(wishes.scene)
     if wishes.out is not None:
         check_ending("--out", wishes.out, ".yaml", "a scene")
-        check_outputs([("--out", wishes.out)], inputs={**inputs_of(wishes.scene), "the curve": wishes.curve})
+        check_outputs([("--out", wishes.out)], inputs={**inputs_of(wishes.scene), "the curve": path})
     if len(given.bodies) > 1:
         raise BadInput(f"the scene {given.name!r} has several bodies, and a curve is fitted to one: fit it alone")
     scene = with_model(with_settings(given, (*wishes.settings, *AS_GIVEN)), REFERENCE)
     bundle = bundle_with(scene, bundle, wishes.scene, wishes.settings)
     numbers = numbers_of(scene, wishes.find)
-    curve = read_curve(wishes.curve, list(scene.tools))
+    curve = read_curve(path, list(scene.tools))
     if curve.force.size <= len(numbers):
-        raise BadInput(
-            f"{wishes.curve}: {curve.force.size} forces do not determine {len(numbers)} numbers and their errors"
-        )
+        raise BadInput(f"{path}: {curve.force.size} forces do not determine {len(numbers)} numbers and their errors")
     console.print(Text("the first fit on a machine compiles for half a minute", style="dim"))
-    answer = _Model(scene, bundle, curve, wishes.curve, numbers, console).fit(wishes.runs)
+    answer = _Model(scene, bundle, curve, path, numbers, console).fit(wishes.runs)
     _print(console, numbers, answer)
     if wishes.out is not None:
-        _write(wishes, with_settings(given, [*wishes.settings, *_settings(numbers, answer.values)]), numbers, answer)
+        _write(
+            wishes.scene,
+            path,
+            wishes.out,
+            with_settings(given, [*wishes.settings, *_settings(numbers, answer.values)]),
+            numbers,
+            answer,
+        )
         console.print(Text(f"fitted scene: {wishes.out}"))
     return answer
 
@@ -127,13 +145,12 @@ def _print(console: Console, numbers: list[Number], answer: Answer) -> None:
             )
 
 
-def _write(wishes: Fit, scene: Scene, numbers: list[Number], answer: Answer) -> None:
+def _write(of: str, curve: Path, out: Path, scene: Scene, numbers: list[Number], answer: Answer) -> None:
     """The scene with what was found, under a line that says of what."""
-    assert wishes.out is not None
     found = ", ".join(
         f"{number.name} {value:.5g} ± {error:.2g} {number.unit}".rstrip()
         for number, value, error in zip(numbers, answer.values, answer.errors, strict=True)
     )
-    head = f"# Made by `softseam fit {wishes.scene} {wishes.curve.name}`: {found}\n"
+    head = f"# Made by `softseam fit {of} {curve.name}`: {found}\n"
     text = yaml.safe_dump(json.loads(scene_json(scene)), sort_keys=False, default_flow_style=None, width=110)
-    write_whole(wishes.out, head + text)
+    write_whole(out, head + text)

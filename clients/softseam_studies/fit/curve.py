@@ -32,9 +32,22 @@ class Curve:
 def read_curve(path: Path, tools: Sequence[str]) -> Curve:
     """A CSV file with a line of names: `time`, and a column for each force. Raises BadInput with file and line."""
     known = [_TIME, *(name for tool in tools for name in (tool, *(f"{tool}.{axis}" for axis in _AXES)))]
+    names, table, lines = read_columns(path, known, f"time,{(*tools, 'left')[0]}")
+    if _TIME not in names or len(names) < 2:
+        raise BadInput(f"{path}:1: name each column once: time, and at least one force ({', '.join(known[1:])})")
+    at = names.index(_TIME)
+    time, force = table[:, at], np.delete(table, at, axis=1)
+    check_order(path, "time", "s", time, lines)
+    if len(time) and time[0] < 0.0:
+        raise BadInput(f"{path}:{lines[0]}: the time {time[0]:g} s is before the run begins, at 0 s")
+    return Curve(time, tuple(name for name in names if name != _TIME), force)
+
+
+def read_columns(path: Path, known: Sequence[str], example: str) -> tuple[list[str], Floats, list[int]]:
+    """Names of the columns (k,) of a CSV file, its numbers (m, k), and their lines (m,). Raises BadInput."""
     try:
         if path.stat().st_size > MOST_BYTES:
-            raise BadInput(f"{path}: larger than {MOST_BYTES // 2**20} MiB: is this a force curve?")
+            raise BadInput(f"{path}: larger than {MOST_BYTES // 2**20} MiB: is this a measured curve?")
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = [
                 (number, row) for number, row in enumerate(csv.reader(file), 1) if any(cell.strip() for cell in row)
@@ -44,23 +57,25 @@ def read_curve(path: Path, tools: Sequence[str]) -> Curve:
     except (UnicodeDecodeError, csv.Error):
         raise BadInput(f"{path}: not a text of comma-separated columns") from None
     if not rows:
-        raise BadInput(f"{path}: empty: begin with a line of names, e.g. time,{(*tools, 'left')[0]}")
+        raise BadInput(f"{path}: empty: begin with a line of names, e.g. {example}")
     (first, header), body = rows[0], rows[1:]
     names = [cell.strip() for cell in header]
     for name in names:
         if name not in known:
             raise BadInput(f"{path}:{first}: no column is called {not_among(name, known)}")
-    if len(set(names)) < len(names) or _TIME not in names or len(names) < 2:
-        raise BadInput(f"{path}:{first}: name each column once: time, and at least one force ({', '.join(known[1:])})")
+    if len(set(names)) < len(names):
+        raise BadInput(f"{path}:{first}: name each column once")
     table = np.array([_numbers(path, number, row, names) for number, row in body]).reshape(-1, len(names))
-    at = names.index(_TIME)
-    time, force = table[:, at], np.delete(table, at, axis=1)
-    for before, (number, _), after in zip(time[:-1], body[1:], time[1:], strict=True):
+    return names, table, [number for number, _ in body]
+
+
+def check_order(path: Path, name: str, unit: str, values: Floats, lines: Sequence[int]) -> None:
+    """Raises BadInput where a column (m,) does not grow from line to line."""
+    for before, line, after in zip(values[:-1], lines[1:], values[1:], strict=True):
         if after <= before:
-            raise BadInput(f"{path}:{number}: the time {after:g} s does not follow {before:g} s: sort the rows by time")
-    if len(time) and time[0] < 0.0:
-        raise BadInput(f"{path}:{body[0][0]}: the time {time[0]:g} s is before the run begins, at 0 s")
-    return Curve(time, tuple(name for name in names if name != _TIME), force)
+            raise BadInput(
+                f"{path}:{line}: the {name} {after:g} {unit} does not follow {before:g} {unit}: sort the rows by {name}"
+            )
 
 
 def _numbers(path: Path, number: int, row: Sequence[str], names: Sequence[str]) -> list[float]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     ConfigDict,
@@ -21,9 +22,20 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from softseam_protocol.scene.foods import FOODS, with_food
 from softseam_protocol.scene.parts import AnyPart
 from softseam_protocol.scene.spec import NonNegative, Positive, Spec, not_among, wrong
 from softseam_protocol.table import Table
+
+
+class BranchSpec(Spec):
+    """A part of the stress that fades while the shape is held: a spring in series with a dashpot."""
+
+    share: float = Field(gt=0.0, le=1.0, description="share of the shear modulus that fades [1]")
+    time: Positive = Field(description="time in which it fades to 1/e [s]")
+
+
+MOST_BRANCHES = 6
 
 
 class MaterialSpec(Spec):
@@ -40,6 +52,35 @@ class MaterialSpec(Spec):
         "omega has the damping ratio half omega times this, and the loss factor tan delta omega times this; below a "
         "step's (of pbd a substep's) length implicit Euler damps more [s]",
     )
+    relaxation: tuple[BranchSpec, ...] = Field(
+        default=(),
+        max_length=MOST_BRANCHES,
+        description="parts of the stress that fade, a generalised Maxwell solid: young and poisson are what a quick "
+        "load feels, the bulk modulus stays, and of the shear modulus lasts what is left of one",
+    )
+
+    @model_validator(mode="after")
+    def _fades(self) -> Self:
+        if not self.relaxation:
+            return self
+        shares = math.fsum(branch.share for branch in self.relaxation)
+        if round(shares, 9) > 1.0:
+            raise wrong(
+                f"shares of {', '.join(f'{branch.share:g}' for branch in self.relaxation)} are {shares:g} of the shear "
+                "modulus: all of them are 1 at most, and what is left lasts",
+                "relaxation",
+            )
+        if self.kind == "linear":
+            raise wrong(
+                "linear knows small strains only, branches that relax know turns: use neo_hookean", "relaxation"
+            )
+        if self.retardation_time > 0.0:
+            raise wrong(
+                "retardation_time and relaxation are two viscosities of one body: say one, retardation_time for what "
+                "merely stops ringing",
+                "relaxation",
+            )
+        return self
 
 
 class NeoHookeanMaterial(MaterialSpec):
@@ -133,8 +174,9 @@ class _ByKind:
         def choose(value: Any, info: ValidationInfo) -> MaterialSpec:
             if isinstance(value, MaterialSpec):
                 return value
+            value = with_food(value)
             if not isinstance(value, Mapping):
-                raise PydanticCustomError("material", "should be a mapping of keys")
+                raise PydanticCustomError("material", "should be a mapping of keys, or the name of a food")
             return material_spec(value, info.mode == "json")
 
         return core_schema.with_info_plain_validator_function(
@@ -143,7 +185,14 @@ class _ByKind:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         kinds = {name: spec.__pydantic_core_schema__ for name, spec in MATERIALS.items()}
-        return handler(core_schema.tagged_union_schema(kinds, "kind"))
+        said = handler(core_schema.tagged_union_schema(kinds, "kind"))
+        name = {
+            "enum": list(FOODS),
+            "type": "string",
+            "description": "a food, with numbers of its own: softseam materials",
+        }
+        but = {"type": "object", "properties": {"food": name}, "required": ["food"]}
+        return {"anyOf": [said, name, but]}
 
 
 def _dumped(spec: MaterialSpec, info: SerializationInfo) -> dict[str, Any]:
@@ -152,8 +201,9 @@ def _dumped(spec: MaterialSpec, info: SerializationInfo) -> dict[str, Any]:
 
 
 def _as_hashed(said: dict[str, Any]) -> dict[str, Any]:
-    """In version 1 of the scene format every material says its ratio: hashes of what ships with scenes hold it."""
-    return {"ratio": None} | said
+    """In version 1 of the scene format every material says its ratio, and none that it does not relax: hashes of what
+    ships with scenes hold it so."""
+    return {"ratio": None} | {key: value for key, value in said.items() if key != "relaxation" or value}
 
 
 AnyMaterial = Annotated[MaterialSpec, _ByKind()]

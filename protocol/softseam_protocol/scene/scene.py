@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     ConfigDict,
     Field,
     FieldSerializationInfo,
@@ -59,6 +60,13 @@ class SeveralBodies(ValueError):
     """Something that only scenes with one body have was asked of a scene with several."""
 
 
+def _some_gravity(gravity: Vector) -> Vector:
+    size = math.hypot(*gravity)
+    if size > 100.0 * EARTH:  # nothing soft stands it
+        raise wrong(f"{size:.4g} m/s^2 is {size / EARTH:.3g} times the earth's: it is in m/s^2, not in mm/s^2")
+    return gravity
+
+
 class Scene(Spec):
     """One scene: bodies, tools, their motion, and how to simulate them."""
 
@@ -71,7 +79,9 @@ class Scene(Spec):
         pattern=r"^[A-Za-z0-9_\-]+$",
         description="names recordings: letters, digits, _ and -",
     )
-    gravity: Vector = Field(default=(0.0, 0.0, -EARTH), description="along x, y and z [m/s^2]")
+    gravity: Annotated[Vector, AfterValidator(_some_gravity)] = Field(
+        default=(0.0, 0.0, -EARTH), description="along x, y and z [m/s^2]"
+    )
     step: Positive = Field(default=0.01, le=1.0, description="macro step [s]")
     duration: Positive | None = Field(default=None, description="simulated time [s]; default: the end of the motion")
     seed: int = Field(default=0, ge=0)

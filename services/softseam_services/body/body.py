@@ -25,6 +25,10 @@ ALIKE = 1e-6
 """relative: what is fitted, or found by iteration, is alike where it differs by less"""
 
 
+STEADIES = 0.1
+"""how much of a branch's modulus counts in the matrix that steadies points of reduced quadrature, and does not fade"""
+
+
 @dataclass(frozen=True)
 class Material:
     """Elastic constants, and the kernels' view of them (`materials.point`)."""
@@ -50,11 +54,24 @@ class Material:
     n_state: int = 0
     """numbers that the law remembers; 0 of an elastic one"""
     respond: int = 0
-    """address of the response of a law with state, whose `number` is 0"""
+    """of a law with state, whose `number` is 0, as of `materials.with_state`"""
+    relaxation: tuple[tuple[float, float], ...] = ()
+    """share of mu that fades [1], and the time in which it does [s], of each branch"""
 
     @property
     def elastic(self) -> ElasticConstants:
+        """Of a quick load."""
         return ElasticConstants(self.mu, self.lambda_)
+
+    @property
+    def lasting(self) -> ElasticConstants:
+        """Of a load that is held for long."""
+        return self.elastic.relaxed(sum(share for share, _ in self.relaxation))
+
+    @property
+    def steadying(self) -> float:
+        """Shear modulus with which what steadies an element counts [Pa], see `STEADIES`."""
+        return self.lasting.mu + STEADIES * (self.mu - self.lasting.mu)
 
     @property
     def wave_speed(self) -> float:

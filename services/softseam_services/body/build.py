@@ -22,7 +22,7 @@ from softseam_services.body.hexahedra import OwnCells, numbered_cells, own_cells
 from softseam_services.body.inclusions import materials_at, octant_centres
 from softseam_services.body.lattice import divide, number_nodes
 from softseam_services.body.mass import lump_full
-from softseam_services.body.materials import build_material
+from softseam_services.body.materials import build_material, build_materials
 from softseam_services.body.mesh_io import read_hexahedra, read_tetrahedra
 from softseam_services.body.particles import ParticleBody, clamped
 from softseam_services.body.tetrahedra import tetrahedral_cells
@@ -262,7 +262,7 @@ def assemble(
         fill=fill,
         cell_mass=cell_mass,
         fixed=fixed,
-        materials=tuple(build_material(material) for material in spec.materials),
+        materials=build_materials(spec.materials),
         octant_material=octant_material,
         surface=surface,
         gravity=np.array(scene.gravity),

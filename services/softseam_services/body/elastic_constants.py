@@ -45,6 +45,13 @@ class ElasticConstants:
         """P-wave modulus lambda + 2 mu [Pa]: stress over strain where the sides are held."""
         return self.lambda_ + 2.0 * self.mu
 
+    def relaxed(self, share: float) -> ElasticConstants:
+        """What is left where this share of mu has faded, and nothing of the bulk modulus."""
+        if share == 0.0:
+            return self
+        mu = self.mu * max(0.0, 1.0 - share)
+        return ElasticConstants(mu, self.bulk - 2.0 / 3.0 * mu)
+
     def pressure_speed(self, density: float) -> float:
         """c_p = sqrt((lambda + 2 mu)/rho) [m/s]; density [kg/m^3]."""
         return math.sqrt(self.p_wave / density)

@@ -6,7 +6,7 @@ from softseam_protocol.checks import Check, When, anything, look
 from softseam_protocol.table import Table
 from softseam_services.body.contact_points import is_embedded
 from softseam_services.body.interpolate import rest_points
-from softseam_services.checks import of_materials, of_places, of_tools
+from softseam_services.checks import of_materials, of_places, of_rolling, of_tools
 from softseam_services.checks.seen import Cells, Particles
 from softseam_services.server import Setup
 
@@ -32,6 +32,7 @@ CELLS: Table[Check[Cells]] = Table(
         "round_tools": Check(When.BEFORE, _block, of_tools.round_tools),
         "repaired": Check(When.BEFORE, anything, of_tools.repaired_tools),
         "hits": Check(When.BEFORE, anything, of_tools.hits),
+        "rolls": Check(When.BEFORE, anything, of_rolling.rolls),
         "substeps": Check(When.BEFORE, anything, of_materials.substeps),
         "borders": Check(When.NOTE, anything, of_places.borders),
     },

@@ -11,7 +11,7 @@ import numpy as np
 from softseam_protocol.scene.kinds import ELEMENTS as FACTS
 from softseam_protocol.scene.kinds import ElementKind
 from softseam_protocol.scene.models import FemSpec
-from softseam_services.body.body import Body, Floats, Region
+from softseam_services.body.body import Body, Floats, Ints, Region
 from softseam_services.body.contact_points import PENALTY
 from softseam_services.body.errors import SettingError
 from softseam_services.body.filled import FILL_FLOOR, filled_moments
@@ -60,15 +60,19 @@ class FemParameters(NamedTuple):
     mean_gradient: Floats
     """over a cell, of each of its shapes in `full` (t, m, 3) [1/m]"""
     mu: Floats
-    """of each octant (c, 8) [Pa]"""
+    """of each octant, what lasts where the material relaxes (c, 8) [Pa]"""
     lambda_: Floats
     """(c, 8) [Pa]"""
+    material: Ints
+    """number of each octant's (c, 8)"""
+    law: Floats
+    """parameters of each material (m, MAX_PARAMETERS)"""
     edge: float
     """least edge of a cell [m]"""
     weight: Floats
     """f_q V/8, f_q as `Octants.fill`; of the octants' own volumes in cells of any shape (c, 8) [m^3]"""
     mean_mu: Floats
-    """mean of mu over the body's own mu, which the stabilisation below has in it (c,)"""
+    """mean of the modulus that steadies over the body's own mu, which the stabilisation below has in it (c,)"""
     uneven: bool
     """that is not 1 in some cell"""
     gradient: Floats
@@ -135,18 +139,20 @@ def _cells(model: FemModel, body: Body, region: Region, spec: FemSpec) -> dict[s
     share, number = SHARES.get(element, 1.0), body.octant_material[region.cells]
     tables = cell_tables(body.edges, share, body.axes)
     fill = np.maximum(body.fill[region.cells], FILL_FLOOR)
-    relative = np.array([each.mu / mu for each in body.materials])[number]
+    relative = np.array([each.steadying / mu for each in body.materials])[number]
+    lasting = [each.lasting for each in body.materials]
+    moduli = mu * np.array([each.mu / mu for each in lasting])[number], mu * relative
     moments = filled_moments(body, region.cells, fill)
     x, shape, boxes = cell_shapes(body, region)
     octants = count_octants(body, region.cells, model.root)
     special = NO_PATTERNS
     if not (boxes or general):
         own = ELEMENTS[element](x, poisson)
-        weight, special = own.weight[:, 0] * fill, own_patterns(own, mu * relative, fill)
+        weight, special = own.weight[:, 0] * fill, own_patterns(own, moduli, fill)
     else:
         weight = octants.fill * (tables.volume / 8.0)
         if not general:
-            special = patterns(tables, body.edges, mu * relative, octants, (model.pattern, model.cut), share)
+            special = patterns(tables, body.edges, moduli, octants, (model.pattern, model.cut), share)
 
     def rule_of(kind: ElementKind, fill: Floats, octants: Octants | None = None) -> tuple[Rule, Table]:
         own = OF_TETRAHEDRA[kind](x) if body.tetrahedra else ELEMENTS[kind](x, poisson)
@@ -175,8 +181,10 @@ def _cells(model: FemModel, body: Body, region: Region, spec: FemSpec) -> dict[s
         "shown": shown,
         "joints": build_numbers(model.joints, body, region, model.root, octants, model.cell_nodes),
         "mean_gradient": np.ascontiguousarray(mean_gradient),
-        "mu": np.array([each.mu for each in body.materials])[number],
-        "lambda_": np.array([each.lambda_ for each in body.materials])[number],
+        "mu": np.array([each.mu for each in lasting])[number],
+        "lambda_": np.array([each.lambda_ for each in lasting])[number],
+        "material": number,
+        "law": np.array([each.parameters for each in body.materials]),
         "weight": weight,
         "mean_mu": relative.mean(axis=1),
         "uneven": bool(np.any(relative != 1.0)),
@@ -222,9 +230,17 @@ INTEGRATORS = ("implicit_euler", "static")
 """take internal forces at the end of the step, where the state that follows belongs"""
 
 
+STEADY_IN_BENDING = ("hex8", "hex8_reduced")
+"""elements whose stiffness in bending is their stabilisation's"""
+
+
 def check_internal_variables(body: Body, spec: FemSpec) -> None:
     """Raise SettingError, with its key and the remedy, for a body whose material has state."""
     kind = body.material.kind
+    if spec.element in STEADY_IN_BENDING and any(material.relaxation for material in body.materials):
+        raise SettingError(
+            f"models.fem.element: {spec.element} bends by what steadies it, which does not relax: use hex27"
+        )
     if spec.integrator not in INTEGRATORS:
         use = " or ".join(INTEGRATORS)
         raise SettingError(f"models.fem.integrator: {spec.integrator} does not know the state of {kind}: use {use}")

@@ -28,7 +28,7 @@ class Rule(NamedTuple):
     stabilisation: Floats
     """mu S (t, b, m, m) [N/m]"""
     fill: Floats
-    """of each element, times its shear modulus over the body's (c, b)"""
+    """of each element, times the modulus that steadies it over the body's shear modulus (c, b)"""
     group_nodes: Ints
     """(g, n), (0, 0) for none"""
     shape: Ints
@@ -59,7 +59,7 @@ def build_rule(table: Table, fill: Floats, shear: Floats, shape: Ints, body: Bod
     shear (c, 8): fill that the stabilisation counts with
     """
     mu = body.material.mu
-    relative = body.of_octants([material.mu / mu for material in body.materials])[cells]
+    relative = body.of_octants([material.steadying / mu for material in body.materials])[cells]
     weight = table.weight[shape] * np.einsum("bqo,co->cbq", table.share, fill)
     parameters, moduli, blend = _blends(body, cells, table.share.reshape(-1, 8))
     return Rule(

@@ -22,8 +22,8 @@ from .integrators.static import raised
 from .integrators.table import build_scheme, forces_at, velocity_gain, works_at
 from .kernels import step as kernel
 from .kernels.contact import force_moment
+from .kernels.elements import remember
 from .kernels.newton import CONVERGED, FACTORED, N_FACTORS, STALLED
-from .kernels.points import remember
 from .model import FemModel
 from .parameters import FemParameters
 from .state import FemState
@@ -316,7 +316,7 @@ class Stepper:
     def _remember(self, status: int, task: int, now: FemState, end: FemState) -> None:
         """What the material remembers at the end of a step that was solved, and what it dissipated by then."""
         if self._model.n_state and status == CONVERGED and task != kernel.DERIVE:
-            lost = remember(end.x, self._model, self._parameters.rule, self.work, end.material)
+            lost = remember(end.x, self._model, self._parameters, self.work, end.material)
             end.dissipated[0] = now.dissipated[0] + lost
 
     def _adapt(self, now: FemState, end: FemState, inputs: StepInputs, length: float) -> int:

@@ -287,12 +287,13 @@ class Bodies:
         """Of the last step, by interface between bodies, in the scene's order: of those that it writes, and of others
         that pressed."""
         found = {name: report for island in self._joined for name, report in island.reports.items()}
+        written = self._scene.joints
+        found = {name: report for name, report in found.items() if name in written or any(report.total)}
+        for name in written.keys() - found.keys():
+            found[name] = _APART
         for pile in self.piles:
             found |= pile.interfaces
-        for name in self._scene.joints.keys() - found.keys():
-            found[name] = InterfaceReport(0.0, 0, 0, 0.0, 0.0)
-        names = sorted(found, key=self._order.__getitem__)
-        return {name: found[name] for name in names if name in self._scene.joints or any(found[name].total)}
+        return {name: found[name] for name in sorted(found, key=self._order.__getitem__)}
 
     # ---- snapshots
 
@@ -343,6 +344,10 @@ class Bodies:
     def _standing(self, saved: Arrays) -> dict[str, SimulatedBody]:
         """The bodies on the rungs that were saved."""
         return self.named | {name: ladder.body(_rung(saved, name)) for name, ladder in self._ladders.items()}
+
+
+_APART = InterfaceReport(0.0, 0, 0, 0.0, 0.0)
+"""of an interface at which nothing meets"""
 
 
 def _rung(saved: Arrays, body: str) -> int:

@@ -40,6 +40,8 @@ _NOTHING = np.zeros(0)
 _N_CHANGE = 6
 _SQUEEZED = 0.25
 """of a tilt: by more than that a body is turned by what squeezes it [1]"""
+_FALLS = 0.1
+"""by more than that in a step, where what squeezes it turns it by more than it is tilted, a body falls over [rad]"""
 
 
 class BodyTurn:
@@ -67,12 +69,20 @@ class BodyTurn:
     def _is_turning(self, dt: float) -> bool:
         return bool(np.isfinite(self._sums[MASS]) and dt * rate_of(self._sums) > LEAST_TURN)
 
-    def _is_squeezed(self, joints: Mapping[str, Joint] | None, dt: float) -> bool:
-        """Whether forces on its joints turn it in a step of dt [s] by much of what it is tilted, as they stay in their
-        direction: what it is given back of such a turn shakes it."""
+    def _squeeze(self, joints: Mapping[str, Joint] | None, dt: float) -> float:
+        """By how much of what it is tilted forces on its joints turn it in a step of dt [s], as they stay in their
+        direction [1]. What it is given back of such a turn shakes it, from `_SQUEEZED` on."""
         centre, (_, inverse) = self._sums[PLACE:MOTION] / self._sums[MASS], spin_and_inverse(self._sums)
         squeeze = -sum(float(np.vdot(ended - centre, force)) for _, ended, force in (joints or {}).values())
-        return squeeze * dt * dt * float(np.trace(inverse)) / 3.0 > _SQUEEZED
+        return squeeze * dt * dt * float(np.trace(inverse)) / 3.0
+
+    def longest_step(self, joints: Mapping[str, Joint], dt: float) -> float | None:
+        """Where a step of dt [s] ended in which forces on its joints, which stay in their direction, threw it over: in
+        which step they would turn it by no more than it is tilted [s]."""
+        if not np.isfinite(self._sums[MASS]) or dt * rate_of(self._sums) < _FALLS:
+            return None
+        squeeze = self._squeeze(joints, dt)
+        return dt / squeeze**0.5 if squeeze > 1.0 else None
 
     @property
     def said(self) -> Floats:
@@ -105,7 +115,7 @@ class BodyTurn:
             self._sums, self._turns = np.full(N_SUMS, np.nan), False
             return told
         self._sums = np.sum([reply.coupling.sums for reply in replies.values()], axis=0)
-        if not turns and (moment is None or (not self._is_turning(dt) and self._is_squeezed(joints, dt))):
+        if not turns and (moment is None or (not self._is_turning(dt) and self._squeeze(joints, dt) > _SQUEEZED)):
             return told
         mass, end = start[MASS], self._sums
         before, centre = start[PLACE:MOTION] / mass, end[PLACE:MOTION] / mass

@@ -159,9 +159,14 @@ class Hosting:
             joint = {part: (before[part], self._loop.x[part], self._loop.force[part])}
             moment = push.moment if len(push.moment) and push.force is self._loop.force[part] else None
             replies |= turn.end({part: replies[part]}, member.parts.models, motion, dt, gravity, joint, moment)
-            member.end_step()
+            if longest := turn.longest_step(joint, dt):
+                raise StepDiverged(
+                    f"{name} fell over: what squeezes it keeps its direction over a step. Take steps of "
+                    f"{1e3 * longest:.2g} ms or shorter, or give it to pbd"
+                )
         solutions = {self.pile.part: self.pile.taken(answered)}
         for name in self._took:
+            self.members[name].end_step()
             own = replace(solution, replies={self._part(name): replies[self._part(name)]}, note="")
             self.members[name].joined_step(own, None)
             solutions[name] = own

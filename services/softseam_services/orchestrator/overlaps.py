@@ -38,6 +38,7 @@ class Overlaps:
     def forget(self) -> None:
         """The last step is another's."""
         self._left = self._free | self._touch
+        self._seen: Floats = np.full((len(self._names), 2, 3), np.nan)
 
     @property
     def possible(self) -> bool:
@@ -45,9 +46,13 @@ class Overlaps:
         return bool(self._left.any())
 
     def look(self, step: int, bounds: Floats) -> None:
-        """A step was taken, after which bodies have these bounds, lower and upper (b, 2, 3) [m]."""
-        middle = bounds.mean(axis=1)
-        inside = ((middle[:, None] > bounds[None, :, 0]) & (middle[:, None] < bounds[None, :, 1])).all(axis=2)
+        """A step was taken, after which bodies have these bounds, lower and upper (b, 2, 3) [m]. Of two that did not
+        move since the last look there is nothing new."""
+        middle, own = bounds.mean(axis=1), np.flatnonzero((bounds != self._seen).any(axis=(1, 2)))
+        self._seen = bounds
+        inside = np.zeros((len(bounds), len(bounds)), dtype=np.bool_)
+        inside[own] = _inside(middle[own], bounds)
+        inside[:, own] = _inside(middle, bounds[own])
         for which, found, why in (
             (self._free, inside | inside.T, _FREE),
             (self._touch, inside & inside.T, _THROUGH),
@@ -59,6 +64,15 @@ class Overlaps:
             one, other = (self._names[number] for number in pairs[0].tolist())
             first = f", the first of {len(pairs)} pairs," if len(pairs) > 1 else ""
             self._say("overlap", f"step {step}: {one} and {other}{first} are where the other is: {why}")
+
+
+def _inside(places: Floats, bounds: Floats) -> NDArray[np.bool_]:
+    """Which of some places (m, 3) are within which bounds (k, 2, 3) [m] (m, k)."""
+    found = np.ones((len(places), len(bounds)), dtype=np.bool_)
+    for axis in range(3):
+        place = places[:, None, axis]
+        found &= (place > bounds[:, 0, axis]) & (place < bounds[:, 1, axis])
+    return found
 
 
 _FREE = "nothing keeps them apart; add contacts to the scene where that can be, keep them apart, or say contacts: none"

@@ -57,6 +57,8 @@ class PileBodies:
         self._losses = StepLosses([body.setup for body in self._bodies])
         self._inelastic = any(body.balance.inelastic for body in self._bodies)
         self._parts: list[tuple[str, tuple[str, str, int, int]]] = []
+        written = self._bodies[0].scene.joints
+        self._written = np.array([name in written for name in pile.contact_names], dtype=np.bool_)
         self._weights = np.array([body.body.total_mass * body.body.gravity for body in self._bodies])
 
     def begin(self) -> None:
@@ -73,6 +75,9 @@ class PileBodies:
         self._met = no_meetings()
         self.pressed = np.zeros((len(self.pile.contacts), 3))
         """force of the second body of each contact on the first (m, 3) [N]"""
+        self._said = np.zeros((len(self.pile.contacts), 7))  # of each contact, in its report
+        self._reported = self._met.contact  # those of which there was something
+        self._contact_reports: dict[str, InterfaceReport] = {}
         self._asleep = np.zeros(b, dtype=np.bool_)  # those that slept through it
         self._swung = np.zeros((b, t, 6))  # of these, on the tools, as they fell asleep
         self._header = Header(SCHEMA_VERSION, "", self.pile.part, 0, 0, 0, 0.0)
@@ -159,7 +164,8 @@ class PileBodies:
         step = replace(self._step, **{name: getattr(self._step, name).copy() for name in _ARRAYS}, notes=[])
         for name in _ARRAYS:
             array = getattr(step, name)
-            array[asleep] = _STILL.get(name, array[asleep])
+            if name in _STILL:
+                array[asleep] = _STILL[name]
             if said is not None:
                 array[self._awake] = getattr(said, name)
         fell, changed = asleep & ~self._asleep, bool((asleep != self._asleep).any())
@@ -247,12 +253,25 @@ class PileBodies:
 
     @property
     def interfaces(self) -> dict[str, InterfaceReport]:
-        """Of the last step, by contact between its bodies: of those that came near enough, and those asleep as it was
-        when they fell asleep."""
-        met, names = self._met, self.pile.contact_names
-        figures = met.contact.tolist(), met.depth.tolist(), met.n_points.tolist(), met.largest.tolist()
-        each = zip(*figures, met.work.tolist(), met.force.tolist(), strict=True)
-        return {names[at]: InterfaceReport(depth, 0, n, most, work, *force) for at, depth, n, most, work, force in each}
+        """Of the last step, by contact between its bodies: of those that pressed, those asleep as it was when they fell
+        asleep, and of those that the scene writes and that came near enough. What stands is reported by the same
+        objects."""
+        met, said, reports = self._met, self._said, self._contact_reports
+        now = np.column_stack((met.depth, met.n_points, met.largest, met.work, met.force))
+        left = np.zeros(len(said), dtype=np.bool_)
+        left[self._reported] = True
+        left[met.contact] = False
+        other = (now != said[met.contact]).any(axis=1)
+        for at in np.flatnonzero(left).tolist():
+            reports.pop(self.pile.contact_names[at], None)
+        said[left] = 0.0
+        shown = other & (met.force.any(axis=1) | self._written[met.contact])
+        for at in met.contact[other & ~shown].tolist():
+            reports.pop(self.pile.contact_names[at], None)
+        for at, (depth, n, most, work, *force) in zip(met.contact[shown].tolist(), now[shown].tolist(), strict=True):
+            reports[self.pile.contact_names[at]] = InterfaceReport(depth, 0, int(n), most, work, *force)
+        said[met.contact], self._reported = now, met.contact
+        return dict(reports)
 
     def measure(
         self, position: Floats, orientation: Floats, frames: Mapping[str, Frame], lifting: bool
@@ -338,8 +357,9 @@ class PileBodies:
         step = self._step
         bounds, touches = np.stack((step.low, step.high), axis=1), step.n_contacts > 0
         self.whereabouts.look(step_number, bounds, touches, position, orientation)
-        idle = idle_inside(self._tools, bounds, step.wrench, position).any(axis=1)
-        for place in np.flatnonzero(idle).tolist():
+        awake = self._awake  # no tool comes to be in one that sleeps
+        idle = idle_inside(self._tools, bounds[awake], step.wrench[awake], position).any(axis=1)
+        for place in awake[idle].tolist():
             self._bodies[place].look_inside(step_number, bounds[place], step.wrench[place], position, orientation)
         if (step_number + 1) % LOOK_EVERY == 0:
             seen = Seen(bounds, step.momentum, step.angular_momentum, touches)

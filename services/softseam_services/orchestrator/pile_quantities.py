@@ -58,7 +58,7 @@ class PileQuantities:
         self._weight = np.array([rest.weight for rest in rests])
         self._bottom = np.array([rest.bottom for rest in rests])
         self._height = np.array([rest.top - rest.bottom for rest in rests])
-        self._rests = rests
+        self._place = {id(rest.body): place for place, rest in enumerate(rests)}
         measured = [[name for name, _, row in body.quantities.rows if row.needs in ("pose", "step")] for body in bodies]
         self._asked = {name: None for names in measured for name in names}
         self.known = self._asked.keys() <= _MEASUREMENTS.keys()
@@ -97,11 +97,11 @@ class PileQuantities:
         """Force of each body on the tools that grip, and compression of the one that they close on."""
         force, compression = np.zeros((2, len(self._bodies)))
         grips = self._program.grips
-        if grips.first is not None:
-            gripping = step.wrench[:, list(grips.first.tools)].any(axis=(1, 2))
+        first = grips.first
+        if first is not None:
+            gripping = step.wrench[:, list(first.tools)].any(axis=(1, 2))
             for place in np.flatnonzero(gripping).tolist():
-                force[place] = grips.first.force(step.wrench[place], orientation)
-            for place, rest in enumerate(self._rests):
-                if rest.body is grips.first.body:
-                    compression[place] = grips.compression(position, orientation)
+                force[place] = first.force(step.wrench[place], orientation)
+            if id(first.body) in self._place:
+                compression[self._place[id(first.body)]] = grips.compression(position, orientation)
         return force, compression

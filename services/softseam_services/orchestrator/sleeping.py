@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softseam_coupling.loops.loop import Outcome
-from softseam_coupling.sleep import CALM, SLEEP, STEADY, WAKE, Neighbourhood, Reasons
+from softseam_coupling.sleep import SLEEP, STRICT, TOLERANCES, WAKE, Neighbourhood, Reasons
 from softseam_protocol.errors import DecodeError
 from softseam_protocol.messages.outcomes import SPENT, Figure
 from softseam_protocol.messages.participant import Advanced, ToolMotion
@@ -48,16 +48,23 @@ class _Known:
     low: Floats
     """lower corner of each one's box (b, 3) [m]"""
     high: Floats
+    way: Floats
+    """how far these went in the last step that each took (b, 2, 3) [m]"""
     held: Floats
     """of each contact, force of its second body on the first as either fell asleep, or became calm (m, 2, 3) [N]"""
     changed: Floats
     """by how much forces on each body changed since (b,) [N]"""
+    load: Floats
+    """and sizes of all that pressed it then, added up (b,) [N]"""
+    by_tools: Floats
+    """of these, what tools press it with as it is (b,) [N]"""
 
     @classmethod
     def nothing(cls, b: int, m: int) -> _Known:
-        flat, ids = np.zeros((b, 3)), np.zeros(b, dtype=np.int64)
-        still = np.zeros((m, 2, 3)), np.zeros(b)
-        return cls(np.zeros(b, dtype=np.bool_), ids, np.zeros(b), np.zeros(b), flat, flat.copy(), *still)
+        ids = np.zeros(b, dtype=np.int64)
+        still = np.zeros((m, 2, 3)), np.zeros(b), np.zeros(b), np.zeros(b)
+        boxes = np.full((b, 3), np.nan), np.full((b, 3), np.nan), np.zeros((b, 2, 3))
+        return cls(np.zeros(b, dtype=np.bool_), ids, np.zeros(b), np.zeros(b), *boxes, *still)
 
 
 class Sleeping:
@@ -86,10 +93,11 @@ class Sleeping:
         if rule is not None and rule not in SLEEP:
             raise SettingError(f"sleep: {SLEEP.problem(rule)}")
         self._rule = None if rule is None else SLEEP[rule]
+        self._tolerance = STRICT if rule is None else TOLERANCES.get(rule, STRICT)
         self._names, self._piles, self._woke, self._dt = list(mass), piles, woke, dt
         self._weights, self._mass = (np.array([of[name] for name in self._names]) for of in (weight, mass))
         self._weight = np.sqrt((self._weights * self._weights).sum(axis=1))
-        self._tools, self._reach = tools.names, tools.reach
+        self._tools = tools
         places = {name: place for place, name in enumerate(self._names)}
         self._islands = islands
         self._island = np.zeros(len(self._names), dtype=np.int64)
@@ -106,6 +114,8 @@ class Sleeping:
     def reset(self) -> None:
         """All are awake."""
         self._known = _Known.nothing(len(self._names), len(self._pairs))
+        self._seen_contacts = np.zeros(len(self._pairs), dtype=np.bool_)  # those that came near: others do not press
+        self._live = np.zeros(0, dtype=np.int64)  # their numbers
         self._kept: dict[str, Outcome] = {}  # of those that sleep and are in no pile, their last steps
         self._seen: tuple[bytes, ...] = ()  # of tools and sleepers, when none had a reason to wake and none was awake
 
@@ -155,13 +165,14 @@ class Sleeping:
         parts of the piles in which one does, or that are its hosts."""
         if not len(self._pairs):
             return []
-        pressed = self._pressed
+        pressed = self._pressed.copy()
         begin = 0
         for pile in self._piles:
             outcome, n = outcomes.get(pile.pile.part), len(pile.pressed)
             said = None if outcome is None else outcome.replies[pile.pile.part].members
             if said is not None:
                 pressed[begin : begin + n] = pile.pressed_after(said.meetings)
+                self._see(begin + said.meetings.contact.astype(np.int64))
             begin += n
         woken = self._wake(_reasons(replace(self._around(motion), changed=self._changes(pressed))))
         piles = zip(self._rows, self._guests, self._piles, strict=True)
@@ -195,10 +206,10 @@ class Sleeping:
             return []
         known = self._known
         self._look(solutions)
-        calm = (known.speed < CALM) & (known.changed <= STEADY * self._weight)
+        around = self._around(motion)
+        calm = (known.speed < self._tolerance.speed) & (known.changed <= around.allowed)
         known.calm[:] = np.where(known.asleep, known.calm, np.where(calm, known.calm + 1, 0))
         self._hold(known.calm == 0)
-        around = self._around(motion)
         may = np.asarray(self._rule(around)) & ~known.asleep
         if not may.any():
             return []
@@ -218,24 +229,31 @@ class Sleeping:
 
     def _hold(self, of: Mask) -> None:
         """From now on changes of what presses these bodies (b,) count."""
-        pressed, known = self._pressed, self._known
+        pressed, known, live = self._pressed, self._known, self._live
         for side in (0, 1):
-            begins = np.flatnonzero(of[self._pairs[:, side]])
+            begins = live[of[self._pairs[live, side]]]
             known.held[begins, side] = pressed[begins]
         known.changed[of] = 0.0
+        sizes = _sizes(pressed[live])
+        by_others = np.bincount(self._pairs[live].ravel(), np.repeat(sizes, 2), len(self._names))
+        known.load[of] = np.maximum(by_others + known.by_tools, self._weight)[of]
 
     @property
     def _pressed(self) -> Floats:
         """Force of the second body of each contact on the first (m, 3) [N]."""
+        if len(self._piles) == 1:
+            return self._piles[0].pressed
         return np.concatenate([np.zeros((0, 3)), *(pile.pressed for pile in self._piles)])
 
     def _look(self, solutions: Solutions) -> None:
         """See where bodies are after a step, and what presses those that sleep."""
         known = self._known
+        low, high = known.low.copy(), known.high.copy()
         for rows, pile in zip(self._rows, self._piles, strict=True):
             step = pile.step
             known.kinetic[rows], known.speed[rows] = step.kinetic, step.fastest
             known.low[rows], known.high[rows] = step.low, step.high
+            known.by_tools[rows] = _sizes(step.wrench[:, :, :3]).sum(axis=1)
         for place in self._apart:
             if not known.asleep[place]:
                 replies = solutions[self._names[place]].replies.values()
@@ -243,24 +261,46 @@ class Sleeping:
                 known.low[place], known.high[place] = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
                 known.kinetic[place] = sum(reply.kinetic for reply in replies)
                 known.speed[place] = max(reply.figure(Figure.FASTEST) for reply in replies)
+                known.by_tools[place] = sum(_sizes(reply.wrench[:, :3]).sum() for reply in replies)
+        known.way[:, 0], known.way[:, 1] = known.low - low, known.high - high
+        self._see(np.flatnonzero(self._pressed.any(axis=1)))
         mean = np.sqrt(2.0 * known.kinetic / self._mass)
         np.maximum(known.speed, mean, out=known.speed)  # of models that do not say how fast their nodes are
         known.changed[:] = self._changes(self._pressed)
 
+    def _see(self, contacts: NDArray[np.int64]) -> None:
+        """Contacts of these numbers came near enough to press."""
+        seen = self._seen_contacts
+        if not seen[contacts].all():
+            seen[contacts] = True
+            self._live = np.flatnonzero(seen)
+
     def _changes(self, pressed: Floats) -> Floats:
         """By how much what presses each body (b,) [N] is another than it held, if contacts press so (m, 3) [N]."""
-        away = pressed[:, None] - self._known.held
-        size = np.sqrt(np.einsum("msc,msc->ms", away, away))
-        return np.bincount(self._pairs.ravel(), size.ravel(), len(self._names)).astype(np.float64, copy=False)
+        live = self._live
+        size = _sizes(pressed[live, None] - self._known.held[live])
+        found = np.bincount(self._pairs[live].ravel(), size.ravel(), len(self._names))
+        return found.astype(np.float64, copy=False)
 
     def _around(self, motion: ToolMotion) -> Neighbourhood:
         known = self._known
         moves = (motion.position_next != motion.position).any(axis=1) | (
             motion.orientation_next != motion.orientation
         ).any(axis=1)
+        tools, half = self._tools, self._tools.half_around(motion.orientation_next)
         return Neighbourhood(
-            *(self._names, known.kinetic, known.speed, known.low, known.high, self._weight, known.calm, known.asleep),
-            *(self._pairs, known.changed, self._tools, motion.position_next, self._reach, moves, self._dt),
+            *(self._names, known.kinetic, known.speed, known.low, known.high, known.way, self._weight, known.load),
+            *(
+                known.calm,
+                known.asleep,
+                self._pairs,
+                known.changed,
+                tools.names,
+                motion.position_next,
+                tools.reach,
+                half,
+            ),
+            *(moves, self._dt, self._tolerance),
         )
 
     # ---- snapshots
@@ -287,6 +327,8 @@ class Sleeping:
         """Continue from `save`, after the piles. Raises KeyError or ValueError, and changes nothing, where it is of
         other bodies."""
         self._known, found = self.read(entries)
+        self._seen_contacts[:] = False
+        self._see(np.flatnonzero(self._pressed.any(axis=1) | self._known.held.any(axis=(1, 2))))
         self._seen, self._kept = (), {}
         for name, outcome in found.items():
             holder = next((pile for pile in self._piles if name in pile.pile.names), None)
@@ -318,6 +360,11 @@ class Sleeping:
                 raise ValueError(str(error)) from error
             found[body] = Outcome(replies, multipliers, float(gap[0]), 0)
         return known, found
+
+
+def _sizes(forces: Floats) -> Floats:
+    """Of vectors (..., 3), (...)."""
+    return np.asarray(np.sqrt(np.einsum("...c,...c->...", forces, forces)))
 
 
 def _reasons(around: Neighbourhood) -> Reasons:

@@ -13,8 +13,11 @@ from .levels import fill_in
 from .model import PbdModel
 from .model_error import ModelError
 from .parameters import PbdParameters
-from .points import gather
+from .points import Gathering
 from .records import PbdState
+
+_GATHERINGS = 8
+"""that a structure keeps, of weights that were asked for last"""
 
 
 class FieldReader:
@@ -40,7 +43,7 @@ class FieldReader:
         )
         point_x = np.zeros((model.n_surface, 3))
         place_points(model.arrays, parameters.arrays, self._xw, point_x)
-        force = gather(state.force_mean, (model.indptr, model.node, parameters.arrays.weight), model.n_surface)
+        force = self._gathering(parameters)(state.force_mean)
         size = np.einsum("ptc,ptc->pt", force, force)
         v = state.v.copy()
         fill_in(model.levels, region, parameters.arrays.mass, state.x, v)
@@ -63,6 +66,17 @@ class FieldReader:
             model_error=self._model_error(parameters, state, force, own) if indicators else np.zeros(0),
             internal=to_octants(blocks, model.levels.coarse, state.memory),
         )
+
+    def _gathering(self, parameters: PbdParameters) -> Gathering:
+        """Bodies that are alike share one."""
+        model, weight = self._model, parameters.arrays.weight
+        known, key = model.gatherings, weight.tobytes()
+        found = known.get(key)
+        if found is None:
+            if len(known) >= _GATHERINGS:
+                known.clear()
+            found = known[key] = Gathering((model.indptr, model.node, weight), model.n_surface)
+        return found
 
     def _model_error(self, parameters: PbdParameters, state: PbdState, force: Floats, bounded: bool) -> Floats:
         """Zero where cells are no boxes, or some are one block: scenes that ask for it are refused. Empty where the

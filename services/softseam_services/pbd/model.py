@@ -14,7 +14,7 @@ from softseam_services.tools.tool_set import ToolSet
 
 from .blocks import Blocks, CellLayout, build_blocks, cell_layout
 from .levels import Levels, build_levels, coarse_cells
-from .points import find_points
+from .points import Gathering, find_points
 from .records import ModelArrays
 
 
@@ -75,6 +75,11 @@ class PbdModel:
     @property
     def n_tools(self) -> int:
         return int(self.touches.shape[1])
+
+    @cached_property
+    def gatherings(self) -> dict[bytes, Gathering]:
+        """Those of regions of this structure, by the bytes of their points' weights."""
+        return {}
 
     @cached_property
     def arrays(self) -> ModelArrays:

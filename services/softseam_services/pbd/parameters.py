@@ -102,6 +102,10 @@ def with_damping_of(body: Body, spec: PbdSpec) -> PbdSpec:
 def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet, spec: PbdSpec) -> PbdParameters:
     """The numbers of a region of the model's structure. Raises SettingError for what blocks with state cannot do."""
     spec = with_damping_of(body, spec)
+    if any(material.relaxation for material in body.materials):
+        raise SettingError(
+            "body.material.relaxation: what steadies blocks in bending does not relax in pbd: set regions.default: fem"
+        )
     if body.material.n_state:
         _check_memory(body.material.kind, spec)
     blocks = build_block_parameters(model.blocks, body, region, spec.hourglass)
@@ -138,6 +142,7 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         else np.zeros(0),
         point_give=points.give,
         point_lag=points.lag,
+        ease=points.ease,
         friction_factor=body.friction_field.at_points(x_rest, model.indptr, model.node, weight),
         kind=felt.kind,
         shape=felt.shape,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -77,6 +78,7 @@ class PileSolver:
         self._guests = Guests(guests, len(setups))
         self._between = Between(contacts or {}, self._all, self._guests)
         self._same = np.zeros(b, dtype=np.bool_)  # both states are the same: those that were asleep
+        self._seen: dict[tuple[int, bool, bool], Fields] = {}  # of these, as they were asked for
         for number, piece in enumerate(self.pieces):
             handed = states[number] if states else None
             start_state(piece.model, piece.parameters, piece.body, piece.region, handed, piece.scratch, piece.states[0])
@@ -164,13 +166,15 @@ class PileSolver:
     def _let_lie(self, asleep: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Bodies that sleep are in the tentative state what they are in the committed one, and to others nodes there
         that do not give. Returns those that did not sleep before (b,)."""
-        fell = asleep & ~self._same
+        fell, woken = asleep & ~self._same, self._same & ~asleep
+        if woken.any():
+            self._seen = {key: fields for key, fields in self._seen.items() if asleep[key[0]]}
         for number in np.flatnonzero(fell):
             piece = self.pieces[number]
             states, xw, n = piece.states, piece.scratch.arrays.xw, piece.model.n_nodes
             np.copyto(states[1 - self._now].buffer, states[self._now].buffer)
             xw[:n, :3], xw[:n, 3] = states[self._now].x, 0.0
-        for number in np.flatnonzero(self._same & ~asleep):
+        for number in np.flatnonzero(woken):
             piece = self.pieces[number]
             piece.scratch.arrays.xw[: piece.model.n_nodes, 3] = piece.parameters.arrays.inverse_mass
         self._same[:] = asleep
@@ -240,15 +244,21 @@ class PileSolver:
     # ---- what is known
 
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
-        """Fields of all bodies, of the last advanced step."""
-        now = 1 - self._now if self._tentative else self._now
-        each = [
-            piece.reader.read(request_header, piece.parameters, piece.states[now], indicators, own)
-            for piece in self.pieces
-        ]
+        """Fields of all bodies, of the last advanced step. Those of bodies that sleep are read once."""
+        each = [self._fields_of(number, request_header, indicators, own) for number in range(len(self.pieces))]
         none, no_ids = np.zeros((0, 3)), np.zeros(0, dtype=np.int32)
         nothing = no_ids, none, none, np.zeros((0, 8, 6)), no_ids, none, none, no_ids
         return Fields(request_header, *nothing, bodies=each)
+
+    def _fields_of(self, number: int, header: Header, indicators: bool, own: bool) -> Fields:
+        piece, now = self.pieces[number], 1 - self._now if self._tentative else self._now
+        key = number, indicators, own
+        if key in self._seen:
+            return replace(self._seen[key], header=header)
+        found = piece.reader.read(header, piece.parameters, piece.states[now], indicators, own)
+        if self._same[number]:
+            self._seen[key] = found
+        return found
 
     def snapshot(self) -> bytes:
         """Commit, then the snapshots of all bodies, see `softseam_protocol.participant.state`."""

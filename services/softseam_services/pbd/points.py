@@ -12,17 +12,21 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from softseam_services.body.body import Body, Floats, Ints, Region
-from softseam_services.body.contact_points import is_embedded, point_stiffness
+from softseam_services.body.bulges import bulges
+from softseam_services.body.contact_points import PENALTY, is_embedded, point_stiffness
 from softseam_services.body.interpolate import point_weights
 from softseam_services.body.outer_faces import outer_faces
 from softseam_services.shapes.branches import CYLINDER
 from softseam_services.tools.edged import pressing_between
 from softseam_services.tools.face_points import FacePoints, face_points
-from softseam_services.tools.kernels import DENSE, LIGHT, WIDE, sag_by
+from softseam_services.tools.kernels import DENSE, LIGHT, SAG, WIDE, sag_by
 from softseam_services.tools.tool_set import ToolSet
 
 THINNEST = 0.125
 """half the length of a cylinder that presses inside faces, in edges of a cell"""
+
+FLATTENED = 8.0 * SAG
+"""s over how far what is round stands out, h^2/8R, between nodes [1]"""
 
 Mask = NDArray[np.bool_]
 Rows = tuple[Ints, Ints, Floats]
@@ -43,6 +47,8 @@ class Points(NamedTuple):
     lag: Floats
     """how much farther a point that is pressed firmly is inside a tool for its being round, (1 - LIGHT/DENSE) s of
     tools/kernels/patch.py (p, t) [m]"""
+    ease: float
+    """q/(1 - q) of the law there, q = LIGHT/DENSE; of an embedded surface LIGHT/PENALTY [1]"""
     visits: Ints
     """the order in which contacts take them (p,)"""
 
@@ -52,14 +58,17 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
     without tools that press between nodes."""
     indptr, node, weight = point_weights(body, region, "hex8")
     touches = np.tile(body.surface.area[region.points][:, None] > 0.0, len(tools.names))
-    give, lag = np.zeros(len(touches)), np.zeros(touches.shape)
+    give, lag, ease = np.zeros(len(touches)), np.zeros(touches.shape), LIGHT / (DENSE - LIGHT)
     if is_embedded(body):
         stiffness = point_stiffness(body, region, np.full(len(give), 0.5 * body.resolution))
         np.divide(1.0, stiffness, out=give, where=stiffness > 0.0)
+    if body.cut:
+        ease = LIGHT / (PENALTY - LIGHT)
+        lag[:] = ((1.0 - LIGHT / PENALTY) * FLATTENED * bulges(body, region))[:, None]
     between = pressing_between(tools, body) & ~_thin_discs(tools, body)
     if not between.any():
         visits = _by_colours(body, region, indptr, node)
-        return Points((indptr, node, weight), np.zeros((len(weight), 2)), touches, give, lag, visits)
+        return Points((indptr, node, weight), np.zeros((len(weight), 2)), touches, give, lag, ease, visits)
     inner = face_points(body, region, outer_faces(body, region), "hex8")
     h = inner.edge[inner.face] * np.where(coarse[inner.cell], 1.0, 0.5)  # of blocks
     visits = _by_colours(body, region, inner.indptr, inner.node)
@@ -74,6 +83,7 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
         np.concatenate([touches, np.tile(between, (len(inner.cell), 1))]),
         np.concatenate([give, h / (DENSE * _young(body, region, inner) * inner.area)]),
         np.concatenate([lag, (1.0 - LIGHT / DENSE) * tools.bends * _sag(tools.half_width, h[:, None])]),
+        ease,
         np.concatenate([np.arange(len(touches), dtype=np.int32), len(touches) + visits]),
     )
 
@@ -135,17 +145,25 @@ def hand_on(force: Floats, touches: Mask, n_surface: int, rows: Rows) -> None:
             force[takes, tool] += given
 
 
-def gather(force: Floats, rows: Rows, n_surface: int) -> Floats:
-    """Forces (p, t, 3) [N] on all points as forces on the surface's (k, t, 3) with the same sums: what acts inside a
-    face is its nodes', of those that have points on this side of a seam."""
-    summed = force[:n_surface].copy()
-    inner = np.arange(n_surface, len(force))
-    if len(inner):
-        single = np.flatnonzero(np.diff(rows[0])[:n_surface] == 1)
-        share = _shares(rows, inner, single).T
-        for tool in range(force.shape[1]):
-            summed[single, tool] += share @ force[inner, tool]
-    return summed
+class Gathering:
+    """Forces on points inside faces as forces on the surface's, with the same sums: of so many points of the surface,
+    and all points by the nodes that they follow."""
+
+    def __init__(self, rows: Rows, n_surface: int) -> None:
+        self._n_surface = n_surface
+        self._single = np.flatnonzero(np.diff(rows[0])[:n_surface] == 1)
+        inner = np.arange(n_surface, len(rows[0]) - 1)
+        self._share = _shares(rows, inner, self._single).T if len(inner) else None
+
+    def __call__(self, force: Floats) -> Floats:
+        """Forces (p, t, 3) [N] on all points as forces on the surface's (k, t, 3): what acts inside a face is its
+        nodes', of those that have points on this side of a seam."""
+        summed = force[: self._n_surface].copy()
+        if self._share is not None:
+            inner = force[self._n_surface :]
+            for tool in np.flatnonzero(inner.any(axis=(0, 2))).tolist():
+                summed[self._single, tool] += self._share @ inner[:, tool]
+        return summed
 
 
 def _shares(rows: Rows, gives: NDArray[np.int64], takes: NDArray[np.int64]) -> csr_array:

@@ -76,13 +76,15 @@ MAGIC = b"softseam pbd 8\n"
 
 
 def encode_state(state: PbdState, probed: Floats) -> bytes:
-    """Magic line, counts of float64 in the state, in `probed`, and of these such that are not 0, as 8 bytes
-    little-endian each; the values of the state, places of the latter as int64, and their values likewise: of a body
-    that may touch many others most are 0."""
-    places = np.flatnonzero(probed.view(np.int64))
-    counts = b"".join(each.to_bytes(8, "little") for each in (len(state.buffer), len(probed), len(places)))
-    values = state.buffer, places.astype("<i8", copy=False).view("<f8"), probed[places]
-    return MAGIC + counts + np.concatenate(values).astype("<f8", copy=False).tobytes()
+    """Magic line, counts of float64 in the state, in `probed`, and of those of both that are not 0, as 8 bytes
+    little-endian each; a bit for each of both that says whether it is not 0, first ones first; and these. Most are 0 of
+    a body that touches few of the tools and bodies that it may touch."""
+    values: Floats = np.concatenate([state.buffer, probed])
+    some = values.view(np.int64) != 0
+    counts = (len(state.buffer), len(probed), np.count_nonzero(some))
+    head = b"".join(int(each).to_bytes(8, "little") for each in counts)
+    bits, others = np.packbits(some).tobytes(), values[some].astype("<f8", copy=False).tobytes()
+    return MAGIC + head + bytes(bits) + bytes(others)
 
 
 def decode_state(data: bytes, state: PbdState, most_probed: int) -> Floats:
@@ -94,18 +96,19 @@ def decode_state(data: bytes, state: PbdState, most_probed: int) -> Floats:
     if data[: len(MAGIC)] != MAGIC or len(data) < head:
         raise ValueError("this is not a snapshot of a PBD participant: restore the bytes that `snapshot` returned")
     count, probed, some = (int.from_bytes(data[at : at + 8], "little") for at in range(len(MAGIC), head, 8))
-    if count != len(state.buffer) or probed not in (0, most_probed) or len(data) != head + 8 * (count + 2 * some):
+    n_bits = (count + probed + 7) // 8
+    if count != len(state.buffer) or probed not in (0, most_probed) or len(data) != head + n_bits + 8 * some:
         raise ValueError(
             f"the snapshot holds {count} numbers in {len(data)} bytes, this region needs {len(state.buffer)}: "
             "configure the region that the snapshot was taken from"
         )
-    places = np.frombuffer(data, dtype="<i8", offset=head + 8 * count, count=some)
-    if some > probed or not ((places >= 0) & (places < probed)).all():
-        raise ValueError(f"the snapshot has {some} forces in places that are none of {probed}: it is damaged")
-    values, found = np.frombuffer(data, dtype="<f8", offset=head), np.zeros(probed)
-    found[places] = values[count + some :]
+    bits = np.unpackbits(np.frombuffer(data, np.uint8, n_bits, head), count=count + probed).astype(np.bool_)
+    if np.count_nonzero(bits) != some:
+        raise ValueError(f"the snapshot says that {some} numbers are not 0, and has others: it is damaged")
+    values = np.zeros(count + probed)
+    values[bits] = np.frombuffer(data, dtype="<f8", offset=head + n_bits)
     state.buffer[:] = values[:count]
-    return found
+    return values[count:]
 
 
 @record
@@ -155,6 +158,8 @@ class ParameterArrays(NamedTuple):
     """as of `Points.give` (p,) [m/N]"""
     point_lag: Floats
     """as of `Points.lag` (p, t) [m]"""
+    ease: float
+    """as of `Points.ease` [1]"""
     friction_factor: Floats
     """of each point, on the friction of every tool (p,) [1]"""
     # tools

@@ -78,6 +78,22 @@ class ToolSet:
         edged = np.array([each.rounded is not None and each.bends < 1.0 for each in self.geometry], dtype=np.bool_)
         return np.where(edged, np.clip(np.ceil(2.0 * self.patch / self.wall), FEWEST, MOST), 0).astype(np.int64)
 
+    def half_around(self, orientation: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Halves of the edges, along x, y and z, of a box about each tool's position that holds it, where tools are
+        turned like this (t, 4); infinite for a plane (t, 3) [m]."""
+        w, x, y, z = orientation.T
+        turns = np.array(
+            [
+                [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+                [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+                [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+            ]
+        )
+        box = self.kind == BOX
+        found = np.broadcast_to(self.reach[:, None], (len(box), 3)).copy()
+        found[box] = np.einsum("ijt,tj->ti", np.abs(turns[:, :, box]), self.shape[box, :3])
+        return found
+
     def felt(self, patch: float, radius: NDArray[np.float64]) -> ToolSet:
         """The same tools as a body of such patches feels them [m]: with edges of these radii (t,) [m], and less where
         walls are thin; 0 leaves one as it is."""

@@ -1,14 +1,20 @@
 """One file a material; the table has one row a kind of the scene file."""
 
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
 from softseam_protocol.scene.materials import MaterialSpec, MooneyRivlinMaterial
 from softseam_protocol.table import Table
-from softseam_services.body.body import Material
+from softseam_services.body.body import Floats, Material
 from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.errors import LawError
 from softseam_services.body.materials import point
 from softseam_services.body.materials.law import Law
+from softseam_services.body.materials.relaxation import BRANCHES, SIX
 
-__all__ = ["LAWS", "Law", "LawError", "build_material"]
+__all__ = ["LAWS", "Law", "LawError", "build_material", "build_materials"]
 
 
 def _elastic(spec: MaterialSpec, elastic: ElasticConstants) -> tuple[float, ...]:
@@ -37,18 +43,57 @@ LAWS: Table[Law] = Table(
 
 def build_material(spec: MaterialSpec) -> Material:
     """Elastic constants and the kernels' view of a scene's material. Raises MissingRow and LawError."""
+    return build_materials([spec])[0]
+
+
+def build_materials(specs: Iterable[MaterialSpec]) -> tuple[Material, ...]:
+    """The same of one body's, all of which remember as many numbers as the one with most branches that relax."""
+    materials = [_built(spec) for spec in specs]
+    most = max(len(material.relaxation) for material in materials)
+    if not most:
+        return tuple(materials)
+    return tuple(
+        replace(each, n_state=SIX * (1 + most), respond=each.respond or -each.number, number=0, splits=_splits(each))
+        for each in materials
+    )
+
+
+def _splits(material: Material) -> bool:
+    """Whether FEM's fast path knows it where it relaxes (fem/kernels/relaxing_cells.py)."""
+    return material.splits and not material.small
+
+
+def _built(spec: MaterialSpec) -> Material:
     elastic = ElasticConstants.from_young_poisson(spec.young, spec.poisson)
-    law = LAWS[spec.kind]
+    law, branches = LAWS[spec.kind], tuple((branch.share, branch.time) for branch in spec.relaxation)
+    if branches and law.state:
+        raise LawError(f"{spec.kind} has state of its own: leave body.material.relaxation out")
+    lasting = elastic.relaxed(sum(share for share, _ in branches))
     return Material(
         kind=spec.kind,
         mu=elastic.mu,
         lambda_=elastic.lambda_,
         density=spec.density,
         number=law.number,
-        parameters=law.packed(spec, elastic),
+        parameters=_with_branches(law.packed(spec, lasting), [(elastic.mu * share, time) for share, time in branches]),
         splits=law.splits,
         small=law.small,
         retardation_time=spec.retardation_time,
         n_state=law.state,
         respond=law.address,
+        relaxation=branches,
     )
+
+
+def _with_branches(parameters: Floats, branches: list[tuple[float, float]]) -> Floats:
+    """A law's parameters (MAX_PARAMETERS,), with mu [Pa] and time [s] of branches where `relaxation` looks for them.
+
+    Raises LawError where the law's own are in their place.
+    """
+    if not branches:
+        return parameters
+    if parameters[BRANCHES:].any():
+        raise LawError(f"a law with more than {BRANCHES} parameters has no room for branches that relax")
+    own = np.ravel(branches)
+    parameters[BRANCHES : BRANCHES + len(own)] = own
+    return parameters

@@ -2,7 +2,7 @@
 
 from softseam_services.jit import Prototype
 
-MAX_PARAMETERS = 8
+MAX_PARAMETERS = 16
 """numbers of a law, at most; every layout that holds a material's parameters has room for as many"""
 RESPONSE = Prototype(
     "response of a material law",

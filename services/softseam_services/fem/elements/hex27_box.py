@@ -89,23 +89,29 @@ def number_patterns(material: Ints, part: Ints) -> tuple[Ints, Ints]:
 
 
 def patterns(
-    tables: CellTables, edges: Floats, mu: Floats, octants: Octants, numbers: tuple[Ints, Ints], share: float = 1.0
+    tables: CellTables,
+    edges: Floats,
+    moduli: tuple[Floats, Floats],
+    octants: Octants,
+    numbers: tuple[Ints, Ints],
+    share: float = 1.0,
 ) -> Patterns:
-    """Tables of boxes with shear moduli mu (c, 8) [Pa] of octants, which count as `octants` says.
+    """Tables of boxes with shear moduli (c, 8) [Pa] of octants, which count as `octants` says: of their points, and of
+    what steadies them.
 
     numbers: of `number_patterns`
     """
-    pattern, cut = numbers
+    (pattern, cut), (mu, steadying) = numbers, moduli
     full, part = np.flatnonzero(cut < 0), octants.cut
-    kinds = mu[full[np.unique(pattern[full], return_index=True)[1]]]
+    first = full[np.unique(pattern[full], return_index=True)[1]]
     whole = tables.gradient.reshape(27, 8, 3)
     squares = np.einsum("aqi,bqi->qab", whole, whole) * (tables.volume / 8.0)
-    laplacian = np.einsum("kq,qab->kab", kinds, squares)
-    laplacian += kinds.mean(axis=1)[:, None, None] * tables.stabilisation
+    laplacian = np.einsum("kq,qab->kab", mu[first], squares)
+    laplacian += steadying[first].mean(axis=1)[:, None, None] * tables.stabilisation
     if not len(part):
         return Patterns(np.ascontiguousarray(laplacian), *NO_PATTERNS[1:])
     gradient = octants.gradient.reshape(-1, 24, 27)
-    stabilisation = share * np.tensordot((octants.shear * mu)[part], octant_stabilisation(edges), axes=1)
+    stabilisation = share * np.tensordot((octants.shear * steadying)[part], octant_stabilisation(edges), axes=1)
     stiff = (octants.fill * mu)[part]
     weighted = np.repeat(stiff * (tables.volume / 8.0), 3, axis=1)[:, :, None] * gradient
     own = np.swapaxes(gradient, 1, 2) @ weighted + stabilisation
@@ -114,11 +120,11 @@ def patterns(
     )
 
 
-def own_patterns(table: Table, mu: Floats, fill: Floats) -> Patterns:
-    """The same of cells (c,) of any shape, each with a table of its own; mu (c, 8) [Pa], fill (c, 8) of octants."""
-    n_cells = len(mu)
+def own_patterns(table: Table, moduli: tuple[Floats, Floats], fill: Floats) -> Patterns:
+    """The same of cells (c,) of any shape, each with a table of its own; fill (c, 8) of octants."""
+    (mu, steadying), n_cells = moduli, len(fill)
     gradient = table.gradient[:, 0].reshape(n_cells, 24, 27)
-    stabilisation = (fill * mu).mean(axis=1)[:, None, None] * table.stabilisation[:, 0]
+    stabilisation = (fill * steadying).mean(axis=1)[:, None, None] * table.stabilisation[:, 0]
     weighted = np.repeat(table.weight[:, 0] * fill * mu, 3, axis=1)[:, :, None] * gradient
     gradient_t = np.swapaxes(gradient, 1, 2)
     return Patterns(gradient_t @ weighted + stabilisation, gradient, stabilisation, gradient_t)

@@ -17,10 +17,9 @@ import numpy as np
 from softseam_services.body.materials.neo_hookean import volumetric
 from softseam_services.jit import njit
 
-from .fronts import add_block_row
+from . import relaxing_cells
+from .fronts import LANES, add_block_row
 from .lapack import multiply
-
-LANES = 32  # nodes of a cell, padded so that loops over them fill vector registers
 
 
 @njit(cache=True, error_model="numpy")
@@ -112,6 +111,8 @@ def subtract_forces(x, model, parameters, work, r):
             J = point_stress(work.F[cell], 3 * q, model.linear, mu, lam, weight, work.P[cell])
             if not least <= J:
                 least, worst = J, cell
+    if model.n_state > 0:
+        relaxing_cells.add_stresses(model, parameters, work)
     multiply_full(model, parameters, work.P, parameters.gradient_t, work.fe, 27, 24, False, work.ints)
     if len(parameters.cut_force) > 0:
         both = work.both
@@ -227,6 +228,9 @@ def _block_row(a, h, A, B, row):
 def add_cell_tangents(x, model, parameters, tree, work, safe):
     """Add K of eq. (2) at x to the fronts in work.values, updated in place; nodes of a cell in elimination order."""
     deformation(x, model, parameters, work)
+    if model.n_state > 0:
+        add_relaxing_tangents(model, parameters, tree, work, safe)
+        return
     h, row = work.h, work.row
     A, B, H = np.empty(8), np.empty(8), np.empty((3, 3))
     for cell in range(len(model.cell_nodes)):
@@ -252,6 +256,36 @@ def add_cell_tangents(x, model, parameters, tree, work, safe):
             _block_row(a, h, A, B, row)
             for b in range(a, n_free):
                 constant = work.part[cell] * L[local[a], local[b]]
+                row[b] += constant
+                row[4 * LANES + b] += constant
+                row[8 * LANES + b] += constant
+            add_block_row(tree, work.values, cell, a, row, LANES)
+
+
+@njit(cache=True, error_model="numpy")
+def add_relaxing_tangents(model, parameters, tree, work, safe):
+    """The same where the material has branches that relax, with the whole tangent at each point; of work.F."""
+    h, row, H, left = work.h, work.row, np.empty((3, 3)), np.zeros(216 * LANES)
+    steps, w = relaxing_cells.steps_of(model, parameters, work), np.empty(relaxing_cells.SIZE)
+    c, D, half = np.empty((8, 9, 9)), np.empty((6, 6)), np.empty((6, 9))
+    for cell in range(len(model.cell_nodes)):
+        n_free, local, part = tree.cell_free[cell], tree.cell_local[cell], work.part[cell]
+        gradient = parameters.gradient if model.cut[cell] < 0 else parameters.cut_gradient[model.cut[cell]]
+        for q in range(8):
+            mu, lam, weight = parameters.mu[cell, q], parameters.lambda_[cell, q], part * parameters.weight[cell, q]
+            A, B = point_factors(work.F[cell], 3 * q, False, mu, lam, weight, safe, H)
+            step, state = steps[parameters.material[cell, q]], work.material_state[cell, q]
+            relaxing_cells.write_tangent(work.F[cell], q, weight, A, B, H, step, state, safe, w, D, half, c[q])
+            at = 3 * q * LANES
+            for b in range(n_free):
+                for j in range(3):
+                    h[at + j * LANES + b] = gradient[local[b], 3 * q + j]
+        L = parameters.laplacian[model.pattern[cell]]
+        relaxing_cells.sides(h, c, left)
+        for a in range(n_free):
+            relaxing_cells.block_row(a, h, left, row)
+            for b in range(a, n_free):
+                constant = part * L[local[a], local[b]]
                 row[b] += constant
                 row[4 * LANES + b] += constant
                 row[8 * LANES + b] += constant
@@ -307,6 +341,8 @@ def strain_energy(x, model, parameters, work):
         own = work.part[cell] * (own + 0.5 * quadratic)
         work.energy[cell] += own
         total += own
+    if model.n_state > 0:
+        total += relaxing_cells.add_energies(model, parameters, work)
     return total
 
 
@@ -317,7 +353,8 @@ def cauchy_stress(x, model, parameters, work, out):
     P F^T / J; zero in an empty octant. Of what each octant has of itself, also where it counts with another's.
     """
     deformation(x, model, parameters, work)
-    P = np.zeros((3, 24))
+    P, w = np.zeros((3, 24)), np.empty(relaxing_cells.SIZE)
+    steps = relaxing_cells.steps_of(model, parameters, work)
     for cell in range(len(model.cell_nodes)):
         F = work.F[cell]
         if model.cut[cell] >= 0:
@@ -325,6 +362,9 @@ def cauchy_stress(x, model, parameters, work, out):
         for q in range(8):
             at = 3 * q
             J = point_stress(F, at, model.linear, parameters.mu[cell, q], parameters.lambda_[cell, q], 1.0, P)
+            if model.n_state > 0:
+                step = steps[parameters.material[cell, q]]
+                relaxing_cells.add_own(F, q, step, work.material_state[cell, q], w, P)
             for n in range(6):
                 i, j = (0, 1, 2, 1, 0, 0)[n], (0, 1, 2, 2, 2, 1)[n]
                 if model.linear:

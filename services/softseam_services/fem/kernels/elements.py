@@ -7,7 +7,7 @@ the body beside them have joints, too (kernels/joints.py).
 
 from softseam_services.jit import njit
 
-from . import cells, joints, point_tangents, point_volumes, points
+from . import cells, joints, point_tangents, point_volumes, points, relaxing_cells
 
 
 @njit(cache=True, error_model="numpy")
@@ -68,3 +68,13 @@ def cauchy_stress(x, model, parameters, work, out):
         points.cauchy_stress(x, model, parameters.shown, work, out)
     else:
         cells.cauchy_stress(x, model, parameters, work, out)
+
+
+@njit(cache=True, error_model="numpy")
+def remember(x, model, parameters, work, end):
+    """end (c, 8, n) <- what the octants remember at the end x of the step that work.material_state began; returns what
+    the material dissipated in it [J]."""
+    if model.general:
+        return points.remember(x, model, parameters.rule, work, end)
+    cells.deformation(x, model, parameters, work)
+    return relaxing_cells.remember(model, parameters, work, end)

@@ -12,6 +12,8 @@ from softseam_services.jit import njit
 from .lapack import product
 from .panel import ascend, descend, factor_panel, inverse_triangle
 
+LANES = 32
+"""nodes of a cell, padded so that loops over them fill vector registers"""
 # columns of tree.meta
 FIRST, OWN, ALL, PARENT, VALUES, ROW, REST, CHILD, SIBLING, RUN, RUN_END = range(11)
 

@@ -105,7 +105,7 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
                     modify(F[at], J[at], J_bar, model.linear, F_bar)
                     if model.n_state > 0:
                         point = group * size + at
-                        respond(model, rule, work, cell, point, parameters[at], F_bar, state, P, A, following)
+                        respond(model, rule, work, cell, point, parameters[at], F_bar, state, P, A, following, definite)
                     else:
                         stress(model.kind, parameters[at], F_bar, P)
                     mean_p += weight[at] / total * mean_pressure(P, F_bar, model.linear)
@@ -125,7 +125,9 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
                         theta = modify(F[at], J[at], J_bar, model.linear, F_bar)
                         if model.n_state > 0:
                             point = group * size + at
-                            respond(model, rule, work, cell, point, parameters[at], F_bar, state, P, A, following)
+                            respond(
+                                model, rule, work, cell, point, parameters[at], F_bar, state, P, A, following, definite
+                            )
                         else:
                             stress(model.kind, parameters[at], F_bar, P)
                             tangent(model.kind, parameters[at], F_bar, A, definite)
@@ -139,9 +141,8 @@ def add_cell_tangents(x, model, rule, part, tree, work, definite):
                                 along = H[at, i, 0] * G[0, a] + H[at, i, 1] * G[1, a] + H[at, i, 2] * G[2, a]
                                 g[nodes[a], i] += weight[at] / total * along
                     elif model.n_state > 0:
-                        respond(
-                            model, rule, work, cell, group * size + at, parameters[at], F[at], state, P, A, following
-                        )
+                        point = group * size + at
+                        respond(model, rule, work, cell, point, parameters[at], F[at], state, P, A, following, definite)
                     else:
                         tangent(model.kind, parameters[at], F[at], A, definite)
                     add_point(A, G, w, n_nodes, K)

@@ -18,8 +18,8 @@ from softseam_services.body.body import Floats
 from softseam_services.body.materials.neo_hookean import J_MIN, volumetric
 from softseam_services.jit import njit
 
-from .cells import LANES, deformation
-from .fronts import add_block_row
+from .cells import deformation
+from .fronts import LANES, add_block_row
 from .lapack import product
 
 FIRST, LAST = 0.15, 0.35

@@ -12,29 +12,41 @@ is that at the start of the step, and work.material_dt its length; 0 to look at 
 
 import numpy as np
 
+from softseam_services.body.materials import with_state
 from softseam_services.body.materials.point import energy, stress
-from softseam_services.body.materials.prototype import RESPOND
 from softseam_services.jit import njit
 
 from .cells import gather
 from .mean_volume import mean_pressure, modify, positive_volume, volume_gradient
 
-_call_respond = RESPOND.call
+
+@njit(cache=True, error_model="numpy")
+def respond(model, rule, work, cell, point, parameters, F, state, P, A, following, definite):
+    """Energy density, and what the step dissipated, at a point of a cell, numbered through its elements [Pa].
+
+    P (3, 3), A (9, 9) and following (n,) in place; state (n,): workspace. definite: as of `with_state.respond`
+    """
+    _look_up(model, rule, work, cell, point, state)
+    return with_state.respond(model.respond, F, state, work.material_dt[0], parameters, P, A, following, definite)
 
 
 @njit(cache=True, error_model="numpy")
-def respond(model, rule, work, cell, point, parameters, F, state, P, A, following):
-    """Energy density, and what the step dissipated, at a point of a cell, numbered through its elements [Pa].
+def _respond_stress(model, rule, work, cell, point, parameters, F, P, own):
+    """P (3, 3) of `respond` alone, in place; own: workspace, see `own_arrays`."""
+    state, following, A = own
+    _look_up(model, rule, work, cell, point, state)
+    with_state.stress_at_end(model.respond, F, state, work.material_dt[0], parameters, P, A, following)
 
-    P (3, 3), A (9, 9) and following (n,) in place; state (n,): workspace.
-    """
+
+@njit(cache=True, error_model="numpy")
+def _look_up(model, rule, work, cell, point, state):
+    """state (n,) <- what the octants remember that a point stands for."""
     n_points = rule.share.shape[1]
     share = rule.share[point // n_points, point % n_points]
     state[:] = 0.0
     for octant in range(8):
         for n in range(model.n_state):
             state[n] += share[octant] * work.material_state[cell, octant, n]
-    return _call_respond(model.respond, model.n_state, F, state, work.material_dt[0], parameters, P, A, following)
 
 
 @njit(cache=True, error_model="numpy")
@@ -91,11 +103,10 @@ def group_stresses(model, rule, work, cell, first, parameters, averaged, F, weig
     first: number of the group's first point in the cell; own: workspace of a material with state, see `own_arrays`
     """
     kind, additive = model.kind, model.linear
-    state, following, A = own
     if not averaged:
         for at in range(len(F)):
             if model.n_state > 0:
-                respond(model, rule, work, cell, first + at, parameters[at], F[at], state, P[at], A, following)
+                _respond_stress(model, rule, work, cell, first + at, parameters[at], F[at], P[at], own)
             else:
                 stress(kind, parameters[at], F[at], P[at])
         return
@@ -105,7 +116,7 @@ def group_stresses(model, rule, work, cell, first, parameters, averaged, F, weig
     for at in range(len(F)):
         theta = modify(F[at], J[at], J_bar, additive, F_bar)
         if model.n_state > 0:
-            respond(model, rule, work, cell, first + at, parameters[at], F_bar, state, P[at], A, following)
+            _respond_stress(model, rule, work, cell, first + at, parameters[at], F_bar, P[at], own)
         else:
             stress(kind, parameters[at], F_bar, P[at])
         p = mean_pressure(P[at], F_bar, additive)
@@ -210,8 +221,9 @@ def strain_energy(x, model, rule, part, work):
                         modify(F[at], J[at], J_bar, model.linear, F_bar)
                     else:
                         F_bar[:] = F[at]
+                    point = group * size + at
                     psi, _ = respond(
-                        model, rule, work, cell, group * size + at, parameters[at], F_bar, state, P, A, following
+                        model, rule, work, cell, point, parameters[at], F_bar, state, P, A, following, False
                     )
                     own += weight[at] * psi
                 elif averaged:
@@ -305,7 +317,9 @@ def remember(x, model, rule, work, end):
                 else:
                     F_bar[:] = F[at]
                 parameters = rule.parameters[rule.blend[cell], point]
-                _, dissipated = respond(model, rule, work, cell, point, parameters, F_bar, state, P, A, following)
+                _, dissipated = respond(
+                    model, rule, work, cell, point, parameters, F_bar, state, P, A, following, False
+                )
                 lost += rule.weight[cell, point] * dissipated
                 for octant in range(8):
                     w = rule.share[point // n_points, point % n_points, octant] * rule.weight[cell, point]

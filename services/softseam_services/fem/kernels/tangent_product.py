@@ -2,8 +2,8 @@
 
 On the fast path, of kernels/cells.py with its A, B, H = cof F (or I), L and gradients g of a cell at 8 points q,
   (K v)_ia = sum_b L_ab v_ib + sum_q (dP_q g_a)_i,   dP = A (H : dF) H + B H dF^T H,   dF = sum_b v_b g_b^T       (1)
-Of other elements and laws, and of cells that are watched for lost volume, it is the central difference of forces over
-`APART` of a cell edge, off by about 1e-10.
+Of other elements and laws, of laws with state, and of cells that are watched for lost volume, it is the central
+difference of forces over `APART` of a cell edge, off by about 1e-10.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ def multiply_tangent(x, v, model, parameters, work, moved, out):
         out[i] = 0.0
     if largest == 0.0:
         return
-    if not model.general and work.watches[0] == 0:
+    if not model.general and model.n_state == 0 and work.watches[0] == 0:
         for node in range(len(x)):
             place = 3 * model.order[node]
             for i in range(3):

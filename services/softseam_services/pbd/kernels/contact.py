@@ -128,14 +128,14 @@ def _pressed(row, lane):
 
 
 @lane_kernel
-def _yields(row, lane, pressure):
-    """alpha of a point that is pressed so [m/N]; d/F of tools/kernels/patch.py."""
+def _yields(row, lane, ease, pressure):
+    """alpha of a point that is pressed so [m/N]; d/F of tools/kernels/patch.py, with its `ease`."""
     grade = row[lane + EIGHT * col.GRADE]
-    return patch_yields(row[lane + EIGHT * col.SOFT], row[lane + EIGHT * col.LAG], pressure / grade) / grade
+    return patch_yields(row[lane + EIGHT * col.SOFT], row[lane + EIGHT * col.LAG], ease, pressure / grade) / grade
 
 
 @lane_kernel
-def _solve_softly(row, lane, motion, hh, newer, lags):
+def _solve_softly(row, lane, motion, hh, newer, ease, lags):
     """Eq. (3) for one pair at its GAP; where SOFT is 0, eq. (1). lags: whether its LAG may be other than 0."""
     nx, ny, nz = row[lane + EIGHT * (col.GAP + 1)], row[lane + EIGHT * (col.GAP + 2)], row[lane + EIGHT * (col.GAP + 3)]
     held = (
@@ -143,12 +143,12 @@ def _solve_softly(row, lane, motion, hh, newer, lags):
         + row[lane + EIGHT * (col.HELD + 1)] * ny
         + row[lane + EIGHT * (col.HELD + 2)] * nz
     )
-    soft, old_n = _yields(row, lane, max(0.0, held)), _pressed(row, lane)
+    soft, old_n = _yields(row, lane, ease, max(0.0, held)), _pressed(row, lane)
     give = row[lane + EIGHT * col.GIVE]
     per_c = 1.0 / (give + soft) if give > 0.0 else 0.0
     if lags:
         away = row[lane + EIGHT * col.GAP] - row[lane + EIGHT * col.ALLOWED]
-        soft = _yields(row, lane, max(0.0, old_n - (away + soft * old_n) * per_c))
+        soft = _yields(row, lane, ease, max(0.0, old_n - (away + soft * old_n) * per_c))
         per_c = 1.0 / (give + soft) if give > 0.0 else 0.0
     row[lane + EIGHT * (col.GIVE + 1)] = per_c
     old_x, old_y = row[lane + EIGHT * col.FORCE], row[lane + EIGHT * (col.FORCE + 1)]
@@ -182,17 +182,17 @@ def _is_open(row, lanes):
 
 
 @batch_kernel
-def solve_softly(row, lanes, motion, hh, newer):
+def solve_softly(row, lanes, motion, hh, newer, ease):
     """The eight pairs of a group at their GAP, with compliance: eq. (3); lanes as of `solve_at_gaps`."""
     lagging = 0
     for lane in range(lanes):
         lagging += 1 if row[lane + EIGHT * col.LAG] > 0.0 else 0
     if lagging > 0:
         for lane in range(lanes):
-            _solve_softly(row, lane, motion, hh, newer, True)
+            _solve_softly(row, lane, motion, hh, newer, ease, True)
     else:
         for lane in range(lanes):
-            _solve_softly(row, lane, motion, hh, newer, False)
+            _solve_softly(row, lane, motion, hh, newer, ease, False)
 
 
 @njit(cache=True, error_model="numpy")
@@ -238,7 +238,7 @@ def project_contacts(model, parameters, contacts, xw, hh, squeezed):
             if rows[group, col.EDGED]:
                 if _is_open(row, lanes):
                     continue
-                solve_softly(row, lanes, forth, hh, alone)
+                solve_softly(row, lanes, forth, hh, alone, parameters.ease)
             else:
                 solve_at_gaps(row, lanes, forth, hh, newer)
             move_group(group, rows, indptr, node, weight, parameters.tilt, hh, pairs, xw)
@@ -268,7 +268,7 @@ def _begin_group(model, parameters, contacts, xw, a, tool, group, h):
         for lane in range(EIGHT):
             if row[lane + EIGHT * col.DEPTH] > 0.0:
                 old = _pressed(row, lane)
-                old *= _yields(row, lane, old)
+                old *= _yields(row, lane, parameters.ease, old)
                 old += row[lane + EIGHT * col.GAP]
                 row[lane + EIGHT * col.ALLOWED] = min(0.0, old) / (1.0 + h / RELEASE)
 

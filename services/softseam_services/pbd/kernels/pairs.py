@@ -168,7 +168,7 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
         due = max(0.0, fx * nx + fy * ny + fz * nz)
         lag = lags[point, tool] if contacts.slow[tool] else 0.0
         in_parts = parameters.places[tool] > 0 and point >= model.n_surface
-        due *= patch_yields(softness[point], 0.0 if in_parts else lag, due / grade) / grade
+        due *= patch_yields(softness[point], 0.0 if in_parts else lag, parameters.ease, due / grade) / grade
         just = JUST_DEEPER * due if carried and not in_parts else 0.0
         deeper = -gap - due if -gap - due > just else 0.0
         held = carried or state.steady[point, tool, 0] != 0.0 or state.steady[point, tool, 1] != 0.0

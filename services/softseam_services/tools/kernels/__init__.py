@@ -7,6 +7,7 @@ from softseam_services.tools.kernels.gap import SLOW, all_finite, cell_distances
 from softseam_services.tools.kernels.patch import (
     DENSE,
     LIGHT,
+    SAG,
     WIDE,
     patch_press,
     patch_yields,
@@ -21,6 +22,7 @@ from softseam_services.tools.kernels.sides import side_along, side_gap
 __all__ = [
     "DENSE",
     "LIGHT",
+    "SAG",
     "SLOW",
     "WIDE",
     "all_finite",

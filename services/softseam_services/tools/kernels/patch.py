@@ -179,6 +179,6 @@ def patch_press(kind, shape, position, orientation, point, u, v, sag, places):
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
-def patch_yields(give, lag, force):
-    """Eq. (1): d/F of a patch with this force [m/N]; give: 1/r, lag: (1 - q) s [m]."""
-    return give + give * lag / (force * give + LIGHT / (DENSE - LIGHT) * lag + _NO_FORCE)
+def patch_yields(give, lag, ease, force):
+    """Eq. (1): d/F of a patch with this force [m/N]; give: 1/r, lag: (1 - q) s [m], ease: q/(1 - q)."""
+    return give + give * lag / (force * give + ease * lag + _NO_FORCE)

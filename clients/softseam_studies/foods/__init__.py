@@ -1,0 +1,1 @@
+"""`softseam materials`: foods that a scene may name."""

@@ -1,0 +1,56 @@
+"""How far a round surface that runs through cells stands out between their nodes.
+
+Trilinear functions move what is between two nodes h apart along a chord: pressed on a flat tool, a surface of curvature
+k cannot lie flat there, but stands out from the chord by k (h^2/8) (1 - xi^2), xi from -1 to 1 from one node to the
+next. k is that of the normals of the points around.
+"""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from softseam_services.body.body import Body, Floats, Region
+from softseam_services.body.interpolate import rest_points
+from softseam_services.body.surface_points import NO_CREASE
+
+_LEAST = 0.01
+"""of the largest spread of points around, the least that a curvature shows by"""
+
+
+def bulges(body: Body, region: Region) -> Floats:
+    """How far each surface point of a region stands out from what its octant's nodes can flatten; 0 where the surface
+    is flat, hollow or a crease, and of those for display (p,) [m]."""
+    h = 0.5 * body.edges
+    along = 1.0 - np.abs(2.0 * np.abs(np.clip(region.point_local, -1.0, 1.0)) - 1.0) ** 2
+    bends = np.einsum("ia,pij,ja->pa", body.axes, curvatures(body)[region.points], body.axes)
+    return np.asarray(np.maximum(0.0, (bends * along) @ (0.125 * h**2)))
+
+
+def curvatures(body: Body) -> Floats:
+    """How the normal turns along the surface at the points of it that tools touch, positive where it is round, 0 at
+    others and at creases (P, 3, 3) [1/m].
+
+    K of least sum |n_j - n - K (x_j - x)|^2, in the tangent plane, over points nearer than half a cell's edge.
+    """
+    surface, reach = body.surface, 0.5 * body.resolution
+    touched = np.flatnonzero(surface.area > 0.0)
+    x, normal = rest_points(body)[touched], surface.normal[touched]
+    curvature = np.zeros((body.n_points, 3, 3))
+    pairs = cKDTree(x).query_pairs(reach, output_type="ndarray")
+    first, second = pairs.T
+    alike = np.einsum("pi,pi->p", normal[first], normal[second]) > NO_CREASE
+    first, second = first[alike], second[alike]
+    spread, turn = np.zeros((len(x), 3, 3)), np.zeros((len(x), 3, 3))
+    for here, there in ((first, second), (second, first)):
+        n = normal[here]
+        away, other = x[there] - x[here], normal[there]
+        away = away - np.einsum("pi,pi->p", away, n)[:, None] * n
+        other = other - np.einsum("pi,pi->p", other, n)[:, None] * n
+        for row in range(3):
+            for column in range(3):
+                spread[:, row, column] += np.bincount(here, away[:, row] * away[:, column], len(x))
+                turn[:, row, column] += np.bincount(here, other[:, row] * away[:, column], len(x))
+    size = np.trace(spread, axis1=1, axis2=2)
+    across = spread + size[:, None, None] * normal[:, :, None] * normal[:, None, :]
+    known = np.linalg.eigvalsh(across)[:, 0] > _LEAST * size
+    curvature[touched[known]] = turn[known] @ np.linalg.inv(across[known])
+    return curvature
