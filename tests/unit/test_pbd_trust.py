@@ -12,6 +12,8 @@ from softseam_services.pbd.kernels import trust
 Floats = NDArray[np.float64]
 STORED = 1.0
 """energy of the body [J]"""
+FLOOR = 1e-9
+"""and what of it is roundoff [J]"""
 
 
 def after(monitor: Floats, gains: float, planned: bool, touched: bool = True) -> int:
@@ -20,24 +22,24 @@ def after(monitor: Floats, gains: float, planned: bool, touched: bool = True) ->
     result[k.STRAIN] = STORED
     result[k.N_CONTACTS] = float(touched)
     monitor[trust.STRAIN] = STORED * (1.0 - gains)
-    trust.remember(monitor, result, 1e-9, planned)
+    trust.remember(monitor, result, FLOOR, planned)
     return int(monitor[trust.HALVINGS])
 
 
 @pytest.mark.kernels
 def test_substeps_are_longer_again_after_a_while() -> None:
-    """After 8 calm steps, and after 16 where that was too early; less than a tenth of the limit is calm."""
-    monitor, calm = np.zeros(trust.N_MONITOR), 0.9 * trust.STEADY * trust.GAIN
+    """After 8 steps without a gain, and after 16 where that was too early; roundoff is none."""
+    monitor = np.zeros(trust.N_MONITOR)
     for patience in (8, 16, 32):
         assert after(monitor, 1.1 * trust.GAIN, True) == 1
-        found = [after(monitor, -0.01, True), after(monitor, calm, True)]
+        found = [after(monitor, -0.01, True), after(monitor, 0.9 * FLOOR / STORED, True)]
         found += [after(monitor, -0.01, True) for _ in range(patience - 2)]
         assert found == [1] * (patience - 1) + [0]
 
 
 @pytest.mark.kernels
 def test_substeps_stay_short_where_they_go_on_gaining_or_are_the_scene_s() -> None:
-    """Two tenths of the limit every eighth step is not calm; a number of the scene's may be unstable for good."""
+    """A little every eighth step is not calm; a number of the scene's may be unstable for good."""
     monitor = np.zeros(trust.N_MONITOR)
     assert after(monitor, 1.1 * trust.GAIN, True) == 1
     found = [after(monitor, -0.01 if n % 8 else 0.2 * trust.GAIN, True) for n in range(80)]

@@ -23,10 +23,9 @@ GAIN = 0.02
 """energy from nowhere, added up while tools touch and relative to what is there, that takes shorter substeps"""
 SHORTEST = 2
 """how often substeps are halved for it"""
-STEADY = 0.1
-"""of `GAIN`: a step after which less than that has come from nowhere is calm"""
 PATIENCE = 8.0
-"""calm steps after which substeps are twice as long again, the first time; then twice as many each time"""
+"""steps after which nothing has come from nowhere, beyond roundoff, until substeps are twice as long again, the first
+time; then twice as many each time"""
 LITTLE = 1e4
 """energy that counts as there at least, times the roundoff: that of 1 % shear"""
 
@@ -68,14 +67,14 @@ def remember(monitor, result, floor, planned):
 
     A body that gains energy while tools touch it takes half the substep until none does; returns whether that begins
     or is halved once more. Where its substeps are planned, and so are stable, what gained was a knock or the like: they
-    are longer again once next to nothing came from nowhere for a while, `PATIENCE`. If that was too early the next time
+    are longer again once nothing has come from nowhere for a while, `PATIENCE`. If that was too early the next time
     comes twice as late, so that n steps see log2(n/8) such trials at most. Others may be unstable for good.
     """
     created = max(0.0, monitor[CREATED] + rise(result, monitor) - result[k.PUSHED])
     touched = result[k.N_CONTACTS] > 0.0
     there = max(result[k.KINETIC] + result[k.STRAIN], LITTLE * floor)
     halves = touched and created > GAIN * there and monitor[HALVINGS] < SHORTEST
-    calm = monitor[CALM] + 1.0 if created <= STEADY * GAIN * there else 0.0
+    calm = monitor[CALM] + 1.0 if created <= floor else 0.0
     longer = planned and monitor[HALVINGS] > 0.0 and calm >= PATIENCE * 2.0 ** monitor[DOUBLINGS]
     change = 1.0 if halves else -1.0 if longer else 0.0
     monitor[HALVINGS] = monitor[HALVINGS] + change if touched else 0.0
