@@ -126,8 +126,8 @@ SLOW = {
     "ball": (lambda: ball(0.023), 0.023, 0.009, 9.5, (0.0, 0.25, 0.5, 0.75)),
     "ball, hardly": (lambda: ball(0.023), 0.023, 0.009, 7.0, (0.0,)),
 }
-"""meshes, radius [m], cell [m], slope [degrees], and where they first touch, from a corner of an octant to the next; from
-other places one of facets begins on one of them, and is no cylinder"""
+"""meshes, radius [m], cell [m], slope [degrees], and where they first touch, from a corner of an octant to the next;
+what has facets begins on one of them elsewhere, and is no cylinder"""
 
 
 @pytest.mark.slow
