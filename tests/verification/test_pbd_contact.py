@@ -169,7 +169,7 @@ def test_an_embedded_ball_rests_on_the_ground() -> None:
         }
     )
     run = PbdRun(scene, files={"ball.obj": obj(vertices, triangles)})
-    replies = run.run(2.0)
+    replies = run.run(3.0)  # what it comes down with falls to a tenth in half a second
     weight = run.region.mass.sum() * 9.81
     force = np.mean([reply.wrench[0, 2] for reply in replies[-100:]])
     np.testing.assert_allclose(force, -weight, rtol=0.01)
