@@ -19,7 +19,8 @@ def bulges(body: Body, region: Region) -> Floats:
     h = 0.5 * body.edges
     along = 1.0 - np.abs(2.0 * np.abs(np.clip(region.point_local, -1.0, 1.0)) - 1.0) ** 2
     bends = np.einsum("ia,pij,ja->pa", body.axes, curvatures(body)[region.points], body.axes)
-    return np.asarray(np.maximum(0.0, (bends * along) @ (0.125 * h**2)))
+    out = (bends * along) @ (0.125 * h**2)
+    return np.where(out > 1e-6 * h.min(), out, 0.0)  # what is flat is so but for rounding
 
 
 def curvatures(body: Body) -> Floats:
