@@ -92,7 +92,7 @@ def test_what_is_left_alone_would_feel_nothing(tool: str) -> None:
         np.testing.assert_array_equal(forces, of_all)
         assert forces.any()
         counts.append(few)
-    assert counts == sorted(counts) and counts[0] < 0.7 * every and counts[-1] == every
+    assert counts == sorted(counts) and counts[0] < 0.75 * every and counts[-1] == every
 
 
 def test_points_by_colours_take_fewer_groups() -> None:

@@ -95,8 +95,12 @@ def test_an_even_pressure_stays_even_across_unlike_cells(tmp_path: Path, cells: 
 @pytest.mark.slow
 @EITHER_WAY_UP
 def test_two_balls_press_each_other_as_each_presses_a_plane_by_half(tmp_path: Path, model: str) -> None:
-    """Of 50 mm, by planes that come near by 4 mm in all: with the force of either between planes that come near by
-    2 mm, in the mean, within 2.5 % (cells of 10 mm, as wide as what touches)."""
+    """Of 50 mm, by planes that come near by 4 mm in all: with the force of one by FEM between planes that come near by
+    2 mm, within 2.5 % (cells of 10 mm, as wide as what touches).
+
+    Between planes a ball by XPBD yields by where it is touched, and is 6 % softer: nearer to fine cells. Where bodies
+    touch one another they do not yet, and are as firm as FEM's are.
+    """
     upper, lower = models_of(model)
 
     def pressed(*models: str) -> float:
@@ -116,8 +120,7 @@ def test_two_balls_press_each_other_as_each_presses_a_plane_by_half(tmp_path: Pa
             assert touch.gap < 2e-4  # of the deepest point; in the mean of a patch 6e-5
         return float(reports[-1].wrench[1, 2])
 
-    alone = {each: pressed(each) for each in {upper, lower}}
-    assert pressed(lower, upper) == pytest.approx(0.5 * (alone[upper] + alone[lower]), rel=0.025)
+    assert pressed(lower, upper) == pytest.approx(pressed("fem"), rel=0.025)
 
 
 def test_where_cells_are_hardly_changes_the_force(tmp_path: Path) -> None:

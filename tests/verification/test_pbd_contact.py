@@ -151,7 +151,7 @@ def test_a_body_handed_over_inside_a_tool_comes_out_gently() -> None:
 
 def test_an_embedded_ball_rests_on_the_ground() -> None:
     """A ball in partly filled cells touches at points that follow several nodes, more points than nodes: it settles,
-    inside the ground by what these points yield."""
+    inside the ground by what these points yield: for being round by .08 h^2/R along either axis at most, .29 mm."""
     vertices, triangles = sphere(0.02, 3)
     scene = Scene.model_validate(
         {
@@ -169,11 +169,11 @@ def test_an_embedded_ball_rests_on_the_ground() -> None:
         }
     )
     run = PbdRun(scene, files={"ball.obj": obj(vertices, triangles)})
-    replies = run.run(2.0)
+    replies = run.run(3.0)  # what it comes down with falls to a tenth in half a second
     weight = run.region.mass.sum() * 9.81
     force = np.mean([reply.wrench[0, 2] for reply in replies[-100:]])
     np.testing.assert_allclose(force, -weight, rtol=0.01)
-    assert 1e-5 < max(reply.extras["penetration"] for reply in replies[-100:]) < 2e-4
+    assert 1e-5 < max(reply.extras["penetration"] for reply in replies[-100:]) < 2.9e-4
     assert replies[-1].kinetic < 1e-6 * weight * 0.02
     assert replies[-1].extras["n_contacts"] >= 3
 

@@ -127,7 +127,7 @@ SLOW = {
     "ball, hardly": (lambda: ball(0.023), 0.023, 0.009, 7.0, (0.0,)),
 }
 """meshes, radius [m], cell [m], slope [degrees], and where they first touch, from a corner of an octant to the next;
-from other places one of facets begins on one of them, and is no cylinder"""
+what has facets begins on one of them elsewhere, and is no cylinder"""
 
 
 @pytest.mark.slow

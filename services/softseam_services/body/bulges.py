@@ -12,9 +12,6 @@ from softseam_services.body.body import Body, Floats, Region
 from softseam_services.body.interpolate import rest_points
 from softseam_services.body.surface_points import NO_CREASE
 
-_LEAST = 0.01
-"""of the largest spread of points around, the least that a curvature shows by"""
-
 
 def bulges(body: Body, region: Region) -> Floats:
     """How far each surface point of a region stands out from what its octant's nodes can flatten; 0 where the surface
@@ -22,7 +19,8 @@ def bulges(body: Body, region: Region) -> Floats:
     h = 0.5 * body.edges
     along = 1.0 - np.abs(2.0 * np.abs(np.clip(region.point_local, -1.0, 1.0)) - 1.0) ** 2
     bends = np.einsum("ia,pij,ja->pa", body.axes, curvatures(body)[region.points], body.axes)
-    return np.asarray(np.maximum(0.0, (bends * along) @ (0.125 * h**2)))
+    out = (bends * along) @ (0.125 * h**2)
+    return np.where(out > 1e-6 * h.min(), out, 0.0)  # what is flat is so but for rounding
 
 
 def curvatures(body: Body) -> Floats:
@@ -49,8 +47,6 @@ def curvatures(body: Body) -> Floats:
             for column in range(3):
                 spread[:, row, column] += np.bincount(here, away[:, row] * away[:, column], len(x))
                 turn[:, row, column] += np.bincount(here, other[:, row] * away[:, column], len(x))
-    size = np.trace(spread, axis1=1, axis2=2)
-    across = spread + size[:, None, None] * normal[:, :, None] * normal[:, None, :]
-    known = np.linalg.eigvalsh(across)[:, 0] > _LEAST * size
-    curvature[touched[known]] = turn[known] @ np.linalg.inv(across[known])
+    # along a direction in which there are no points around there is no curvature, nor across the surface
+    curvature[touched] = turn @ np.linalg.pinv(spread, rcond=0.01, hermitian=True)
     return curvature

@@ -11,36 +11,28 @@ from softseam_services.checks.seen import Cells
 
 _LATE = 0.08
 """of the time in which a body rolls as far as corners of octants are apart, by which it starts late or early at most
-(docs/decisions/43)"""
-_SAID = 0.01
-"""of the way of the first half second: what is said"""
-_WATCHED = 0.5
-"""[s]"""
+(docs/decisions/45)"""
 
 
 def rolls(seen: Cells) -> Iterator[str]:
-    """Meshes on a plane down which they roll, so slowly that the lattice of their cells shows in their way."""
+    """Meshes on a plane down which they roll: the lattice of their cells shows in their way."""
     body, gravity = seen.body, np.array(seen.scene.gravity)
     if not body.cut or body.fixed.any():
         return
     x, h = rest_points(body), 0.5 * body.resolution
     for name, tool in seen.scene.tools.items():
-        if not isinstance(tool, PlaneTool) or tool.friction == 0.0:
+        if not isinstance(tool, PlaneTool):
             continue
         normal = np.array(tool.normal) / np.linalg.norm(tool.normal)
         down = gravity - (gravity @ normal) * normal
         pull = float(np.linalg.norm(down))
-        height = np.where(seen.body.surface.area > 0.0, (x - tool.point) @ normal, np.inf)
+        height = np.where(body.surface.area > 0.0, (x - tool.point) @ normal, np.inf)
         lowest = int(height.argmin())
-        if pull == 0.0 or pull > tool.friction * float(-gravity @ normal) or height[lowest] > h:
-            continue
-        if down @ curvatures(body)[lowest] @ down <= 0.0:
-            continue
-        late = _LATE * float(np.sqrt(1.5 * h / pull))
-        if 2.0 * late / _WATCHED > _SAID:
-            yield (
-                f"body.cell: cells give way more at corners of their octants than between these, so down {name} the "
-                f"body may start to roll {1e3 * late:.2g} ms late or early, and be "
-                f"{200.0 * late / _WATCHED:.2g} % off after half a second: make cells {0.5 * body.resolution:.2g} m "
-                "long for half of that, or less"
-            )
+        if 0.0 < pull < -tool.friction * float(gravity @ normal) and height[lowest] < h:
+            late = _LATE * float(np.sqrt(1.5 * h / pull)) * float(down @ curvatures(body)[lowest] @ down > 0.0)
+            if late > 0.0:
+                yield (
+                    "body.cell: cells give way more at corners of their octants than between these, so down "
+                    f"{name} the body may start to roll {1e3 * late:.2g} ms late, or early, {400.0 * late:.2g} % of "
+                    f"its way in the first half second; cells of {0.25 * body.resolution:.2g} m halve that"
+                )

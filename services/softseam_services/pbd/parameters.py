@@ -21,7 +21,7 @@ from .kernels.damping import LEAST_KAPPA
 from .kernels.frequency import MARGIN as FREQUENCY_MARGIN
 from .kernels.frequency import highest_frequency
 from .model import PbdModel
-from .points import find_points
+from .points import find_points, with_bulges
 from .records import ParameterArrays
 from .stability import EXPLICIT, EXPLICIT_LIMIT, KAPPA, SHOWN, STABLE, TOUCHED, TWO_SWEEPS, shorter_by
 
@@ -115,7 +115,7 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
     inverse_mass[free] = 1.0 / mass[free]
     x_rest = np.ascontiguousarray(body.x_rest[region.nodes])
     felt = with_round_edges(tools, body)
-    points = find_points(body, region, felt, model.levels.coarse)
+    points = with_bulges(find_points(body, region, felt, model.levels.coarse), body, region)
     _, _, weight = model.levels.rows(*points.rows)
     tilt = [model.levels.rows(*points.rows[:2], np.ascontiguousarray(along))[2] for along in points.tilt.T]
     frequency = highest_frequency(

@@ -25,9 +25,6 @@ from softseam_services.tools.tool_set import ToolSet
 THINNEST = 0.125
 """half the length of a cylinder that presses inside faces, in edges of a cell"""
 
-FLATTENED = 8.0 * SAG
-"""s over how far what is round stands out, h^2/8R, between nodes [1]"""
-
 Mask = NDArray[np.bool_]
 Rows = tuple[Ints, Ints, Floats]
 
@@ -45,8 +42,8 @@ class Points(NamedTuple):
     """compliance of contact, 1/r of body/contact_points.py, inside faces that of tools/kernels/patch.py; 0 at nodes
     (p,) [m/N]"""
     lag: Floats
-    """how much farther a point that is pressed firmly is inside a tool for its being round, (1 - LIGHT/DENSE) s of
-    tools/kernels/patch.py (p, t) [m]"""
+    """how much farther a point that is pressed firmly is inside a tool for the tool's being round, (1 - LIGHT/DENSE) s
+    of tools/kernels/patch.py, or for the surface's, `with_bulges` (p, t) [m]"""
     ease: float
     """q/(1 - q) of the law there, q = LIGHT/DENSE; of an embedded surface LIGHT/PENALTY [1]"""
     visits: Ints
@@ -62,9 +59,6 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
     if is_embedded(body):
         stiffness = point_stiffness(body, region, np.full(len(give), 0.5 * body.resolution))
         np.divide(1.0, stiffness, out=give, where=stiffness > 0.0)
-    if body.cut:
-        ease = LIGHT / (PENALTY - LIGHT)
-        lag[:] = ((1.0 - LIGHT / PENALTY) * FLATTENED * bulges(body, region))[:, None]
     between = pressing_between(tools, body) & ~_thin_discs(tools, body)
     if not between.any():
         visits = _by_colours(body, region, indptr, node)
@@ -86,6 +80,16 @@ def find_points(body: Body, region: Region, tools: ToolSet, coarse: Mask) -> Poi
         ease,
         np.concatenate([np.arange(len(touches), dtype=np.int32), len(touches) + visits]),
     )
+
+
+def with_bulges(points: Points, body: Body, region: Region) -> Points:
+    """Where the surface runs through cells: s by how far it stands out from what they can flatten, q = LIGHT/PENALTY
+    (docs/decisions/45). Points inside faces have their tool's."""
+    if not body.cut or len(points.touches) > len(region.points):
+        return points
+    sag = 8.0 * SAG * bulges(body, region)  # between nodes h apart SAG h^2/R
+    lag = np.repeat((1.0 - LIGHT / PENALTY) * sag[:, None], points.touches.shape[1], axis=1)
+    return points._replace(lag=lag, ease=LIGHT / (PENALTY - LIGHT))
 
 
 def _sag(half_width: Floats, h: Floats) -> Floats:

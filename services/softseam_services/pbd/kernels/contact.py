@@ -18,8 +18,9 @@ g_0 = old gap/(1 + h/tau), because all at once would kick it. Where a tool cover
 p = max(0, p_old - (g - g_0 + alpha p_old)/(c + alpha)),
 t = t_old - (s + alpha (t_old - t_0))/(c + alpha), cut off as in (1), g_0 = (old gap + alpha p_0)/(1 + h/tau),   (3)
 p_0 and t_0 being the force at the start of the substep, so that p = -g/alpha at rest, and t = t_0 - s/alpha however
-often it is solved. Under what is round alpha goes by the p that alpha of p_0 leads to (tools/kernels/patch.py): by p_0
-what comes would be pressed too little and what goes too much, and a tool at rest would feed the body. The forces
+often it is solved. Under what is round, and where a surface is, alpha goes by the p that alpha of p_0 leads to
+(tools/kernels/patch.py): by p_0 what comes would be pressed too little and what goes too much, and a tool at rest would
+feed the body. The forces
 stay in the nodes' accelerations from one substep to the next, so at rest they are exact, the gap closes to zero and a
 sticking point does not creep. On a block every point is one node and (1) is the exact local solution.
 """

@@ -8,6 +8,8 @@ inside a tool by d the force is
 that is LIGHT E A d/h at first and r (d - (1 - q) s) deeper, or d = F/r + (1 - q) s F/(F + q r s); s = 0 under what is
 flat. With DENSE alone, what is round is felt up to a third too firmly where few patches touch.
 
+On an embedded surface r is that of body/contact_points.py, and s goes by how round the surface is (body/bulges.py).
+
 Under a tool with edges a patch x(s, t) = x + s u + t v, s and t from -1/2 to 1/2, is looked at in n x n places, each of
 which is inside by its own d and pushed along its own normal n, with its share of r. All of that acts at one place:
   F = mean F(d_q) n_q,   dF/dx along F's direction m:  mean F'(d_q) (n_q . m)^2,
