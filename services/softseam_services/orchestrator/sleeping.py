@@ -117,6 +117,7 @@ class Sleeping:
         self._seen_contacts = np.zeros(len(self._pairs), dtype=np.bool_)  # those that came near: others do not press
         self._live = np.zeros(0, dtype=np.int64)  # their numbers
         self._kept: dict[str, Outcome] = {}  # of those that sleep and are in no pile, their last steps
+        self._of_tools: tuple[ToolMotion | None, Mask, Floats] = None, np.zeros(0, np.bool_), np.zeros((0, 3))
         self._seen: tuple[bytes, ...] = ()  # of tools and sleepers, when none had a reason to wake and none was awake
 
     @property
@@ -283,11 +284,12 @@ class Sleeping:
         return found.astype(np.float64, copy=False)
 
     def _around(self, motion: ToolMotion) -> Neighbourhood:
-        known = self._known
-        moves = (motion.position_next != motion.position).any(axis=1) | (
-            motion.orientation_next != motion.orientation
-        ).any(axis=1)
-        tools, half = self._tools, self._tools.half_around(motion.orientation_next)
+        known, tools = self._known, self._tools
+        if motion is not self._of_tools[0]:
+            turns = (motion.orientation_next != motion.orientation).any(axis=1)
+            moves = (motion.position_next != motion.position).any(axis=1) | turns
+            self._of_tools = motion, moves, tools.half_around(motion.orientation_next)
+        _, moves, half = self._of_tools
         return Neighbourhood(
             *(self._names, known.kinetic, known.speed, known.low, known.high, known.way, self._weight, known.load),
             *(
