@@ -255,7 +255,7 @@ def test_by_load_more_sleep_and_what_presses_is_within_some_hundredths() -> None
     the plate feels of them is off by less than a quarter of a weight in each step, and as it is held by 1 % of its
     largest; the ground carries all."""
     found = [reports(squeezed(**({"sleep": rule} if rule else {}))) for rule in ("by_load", "calm", "")]
-    by_load, calm, whole = found
+    by_load, _, whole = found
     counts = [np.array([len(awake(one)) for one in each]) for each in found]
     first = [int(np.flatnonzero(each == 0)[0]) if (each == 0).any() else len(each) for each in counts]
     comes = next(n for n, one in enumerate(whole) if one.wrench[PLATE, 2] > 0.0)
