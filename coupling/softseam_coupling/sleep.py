@@ -26,7 +26,7 @@ class Tolerance:
     speed: float
     """below which every node of it is calm [m/s]"""
     force: float
-    """by which what presses on it may change [1]"""
+    """by which what presses on it changes [1]"""
     of_load: bool
     """of its load, not of its weight, see `Neighbourhood`"""
     steps: int
@@ -35,7 +35,7 @@ class Tolerance:
 
 STRICT = Tolerance(2e-3, 0.01, False, 8)
 """of rules that `TOLERANCES` does not name"""
-TOLERANCES: dict[str, Tolerance] = {"by_load": Tolerance(6e-3, 0.05, True, 4)}
+TOLERANCES: dict[str, Tolerance] = {"by_load": Tolerance(4e-3, 0.05, True, 4)}
 """of rules of sleep, by their names"""
 
 
@@ -86,7 +86,7 @@ class Neighbourhood:
 
     @property
     def allowed(self) -> Floats:
-        """By how much what presses each may change while it sleeps (b,) [N]."""
+        """By how much what presses each may change while it is calm, or sleeps (b,) [N]."""
         return self.tolerance.force * (self.load if self.tolerance.of_load else self.weight)
 
 
@@ -119,14 +119,16 @@ def neighbour_comes(around: Neighbourhood) -> Reasons:
     moves = ~around.asleep & (around.speed >= around.tolerance.speed)
     if not moves.any():
         return found
-    low, high = around.low + around.way[:, 0], around.high + around.way[:, 1]
+    low, high, way = around.low + around.way[:, 0], around.high + around.way[:, 1], np.abs(around.way).max(axis=(1, 2))
     for side in (0, 1):
         own, other = around.pairs[:, side], around.pairs[:, 1 - side]
         may = np.flatnonzero(moves[other])
         own, other = own[may], other[may]
         apart = np.maximum(around.low[own] - around.high[other], around.low[other] - around.high[own]).max(axis=1)
+        near = np.flatnonzero((apart > 0.0) & (apart <= way[own] + way[other]))
+        own, other = own[near], other[near]
         later = np.maximum(low[own] - high[other], low[other] - high[own]).max(axis=1)
-        for pair in np.flatnonzero((apart > 0.0) & (later <= 0.0)).tolist():
+        for pair in np.flatnonzero(later <= 0.0).tolist():
             found.setdefault(int(own[pair]), f"{around.names[other[pair]]} moves beside {around.names[own[pair]]}")
     return found
 

@@ -120,7 +120,7 @@ def run(choice: Choice) -> dict[str, Any]:
     simulation = Simulation(bundle_scene(scene_of(choice)), EmbeddedTransport())
     body = simulation.bodies[GRIPPED].body
     assert isinstance(body, Body)
-    points = Probes(body, _lattice(body))
+    points = Probes(body, lattice(body))
     held: dict[int, tuple[float, list[float]]] = {}
     seconds, steps, awake, phase, inside, total, all_steps = 0.0, 0, 0, 0, 0, 0.0, 0
     try:
@@ -146,7 +146,8 @@ def run(choice: Choice) -> dict[str, Any]:
     return {"force": force, "stress": stresses, "seconds": seconds / (steps * choice.step), "awake": awake / steps}
 
 
-def _lattice(body: Body) -> dict[str, tuple[float, float, float]]:
+def lattice(body: Body) -> dict[str, tuple[float, float, float]]:
+    """Points at which stress in a cube is looked at, by name [m]."""
     middle = 0.5 * (body.x_rest.min(axis=0) + body.x_rest.max(axis=0))
     places = (middle + np.array([x, y, z]) for x in _OFFSETS for y in _OFFSETS for z in _OFFSETS)
     return {f"at{n}": (float(x), float(y), float(z)) for n, (x, y, z) in enumerate(places)}

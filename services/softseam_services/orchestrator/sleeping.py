@@ -18,7 +18,7 @@ from softseam_protocol.wire.codec import decode, encode
 from softseam_services.body.errors import SettingError
 from softseam_services.orchestrator.pile_bodies import PileBodies
 from softseam_services.orchestrator.solutions import Solutions
-from softseam_services.orchestrator.standing import with_more
+from softseam_services.orchestrator.standing import standing_on_tools
 from softseam_services.tools.tool_set import ToolSet
 
 Floats = NDArray[np.float64]
@@ -61,9 +61,9 @@ class _Known:
 
     @classmethod
     def nothing(cls, b: int, m: int) -> _Known:
-        ids = np.zeros(b, dtype=np.int64)
+        flat, ids = np.zeros((b, 3)), np.zeros(b, dtype=np.int64)
         still = np.zeros((m, 2, 3)), np.zeros(b), np.zeros(b), np.zeros(b)
-        boxes = np.full((b, 3), np.nan), np.full((b, 3), np.nan), np.zeros((b, 2, 3))
+        boxes = flat, flat.copy(), np.zeros((b, 2, 3))
         return cls(np.zeros(b, dtype=np.bool_), ids, np.zeros(b), np.zeros(b), *boxes, *still)
 
 
@@ -117,6 +117,7 @@ class Sleeping:
         self._seen_contacts = np.zeros(len(self._pairs), dtype=np.bool_)  # those that came near: others do not press
         self._live = np.zeros(0, dtype=np.int64)  # their numbers
         self._kept: dict[str, Outcome] = {}  # of those that sleep and are in no pile, their last steps
+        self._of_tools: tuple[ToolMotion | None, Mask, Floats] = None, np.zeros(0, np.bool_), np.zeros((0, 3))
         self._seen: tuple[bytes, ...] = ()  # of tools and sleepers, when none had a reason to wake and none was awake
 
     @property
@@ -224,7 +225,7 @@ class Sleeping:
             if falls[place]:
                 outcome = _quiet(solutions[self._names[place]])
                 alone = len(self._islands[self._island[place]]) == 1 and place not in guests
-                self._kept[self._names[place]] = _standing(outcome, self._weights[place]) if alone else outcome
+                self._kept[self._names[place]] = standing_on_tools(outcome, self._weights[place]) if alone else outcome
         return islands
 
     def _hold(self, of: Mask) -> None:
@@ -283,11 +284,12 @@ class Sleeping:
         return found.astype(np.float64, copy=False)
 
     def _around(self, motion: ToolMotion) -> Neighbourhood:
-        known = self._known
-        moves = (motion.position_next != motion.position).any(axis=1) | (
-            motion.orientation_next != motion.orientation
-        ).any(axis=1)
-        tools, half = self._tools, self._tools.half_around(motion.orientation_next)
+        known, tools = self._known, self._tools
+        if motion is not self._of_tools[0]:
+            turns = (motion.orientation_next != motion.orientation).any(axis=1)
+            moves = (motion.position_next != motion.position).any(axis=1) | turns
+            self._of_tools = motion, moves, tools.half_around(motion.orientation_next)
+        _, moves, half = self._of_tools
         return Neighbourhood(
             *(self._names, known.kinetic, known.speed, known.low, known.high, known.way, self._weight, known.load),
             *(
@@ -374,20 +376,6 @@ def _reasons(around: Neighbourhood) -> Reasons:
         for place, reason in wakes(around).items():
             found.setdefault(place, reason)
     return found
-
-
-def _standing(outcome: Outcome, weight: Floats) -> Outcome:
-    """Of a body of this weight (3,) [N] that only tools hold: as they carry it while it stands."""
-    size, replies = float(np.sqrt(weight @ weight)), outcome.replies
-    wrenches = np.array([reply.wrench for reply in replies.values()])
-    lifts = -wrenches[..., :3] @ -weight / size if size else np.zeros(0)
-    holds = np.maximum(lifts, 0.0)
-    if not holds.any():
-        return outcome
-    more = (size - float(lifts.sum())) / float(holds.sum())
-    stands = with_more(wrenches, more * holds[..., None] * weight / size)
-    changed = {part: replace(replies[part], wrench=own) for part, own in zip(replies, stands, strict=True)}
-    return replace(outcome, replies=changed)
 
 
 def _quiet(outcome: Outcome) -> Outcome:

@@ -11,8 +11,12 @@ and tools carry c_i u_i more of each body.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
+
+from softseam_coupling.loops.loop import Outcome
 
 Floats = NDArray[np.float64]
 
@@ -47,3 +51,17 @@ def with_more(wrench: Floats, force: Floats) -> Floats:
     square = np.einsum("...c,...c->...", old, old)[..., None]
     arm = np.divide(np.cross(old, torque), square, out=np.zeros_like(old), where=square > 0.0)
     return np.concatenate([old + force, torque + np.cross(arm, force)], axis=-1)
+
+
+def standing_on_tools(outcome: Outcome, weight: Floats) -> Outcome:
+    """Of a body of this weight (3,) [N] that only tools hold: as they carry it while it stands."""
+    size, replies = float(np.sqrt(weight @ weight)), outcome.replies
+    wrenches = np.array([reply.wrench for reply in replies.values()])
+    lifts = -wrenches[..., :3] @ -weight / size if size else np.zeros(0)
+    holds = np.maximum(lifts, 0.0)
+    if not holds.any():
+        return outcome
+    more = (size - float(lifts.sum())) / float(holds.sum())
+    stands = with_more(wrenches, more * holds[..., None] * weight / size)
+    changed = {part: replace(replies[part], wrench=own) for part, own in zip(replies, stands, strict=True)}
+    return replace(outcome, replies=changed)
