@@ -10,13 +10,16 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from softseam.view.paper import INK, PAPER, RULE, SOFT
 
-OWN, MUJOCO, NEWTON = "#23262d", "#3d8f6f", "#9a5fb0"
+OWN = "#23262d"
+COLORS = {"MuJoCo": "#3d8f6f", "Newton": "#9a5fb0", "PyBullet": "#b0763d"}
+"""of rivals, by the first word of their labels"""
 SECTION = """## Beside other simulators
 
 The same tray with {bodies} bodies ({side}³ and the gripped one), for with 28 most rivals take from half an hour to
-hours. Cubes, walls, friction and, where they have it, retardation time are ours; fingers go the way that ours went. One
-process on one thread each, one after the other. The force is held against {force} N, made for this tray as the larger
-one's reference and known to {known:.1%}. Forces of others are means of the last 40 ms, for not all rest by then.
+hours. Beside ours there are {versions}. Cubes, walls, friction and, where they have it, retardation time are ours;
+fingers go the way that ours went. One process on one thread each, one after the other. The force is held against
+{force} N, made for this tray as the larger one's reference and known to {known:.1%}. Forces of others are means of the
+last 40 ms, for not all rest by then.
 
 | | CPU s a second | force [%] | held, in the air [N] | in one another [mm] | floor | between | momentum |
 |---|---|---|---|---|---|---|---|
@@ -58,9 +61,15 @@ def rivals_section(rivals: Mapping[str, Any] | None) -> str:
         )
     side = round((rivals["cubes"] - 1) ** (1 / 3))
     force = " and ".join(f"{each:.3g}" for each in rivals["force"])
-    said = _said(rivals["rows"], rivals["known"])
+    versions = ", ".join(dict.fromkeys(row["version"] for row in rivals["rows"] if row["version"]))
     return SECTION.format(
-        said=said, bodies=rivals["cubes"], side=side, force=force, known=rivals["known"], rows="\n".join(lines)
+        said=_said(rivals["rows"], rivals["known"]),
+        versions=versions,
+        bodies=rivals["cubes"],
+        side=side,
+        force=force,
+        known=rivals["known"],
+        rows="\n".join(lines),
     )
 
 
@@ -92,7 +101,7 @@ def draw_rivals(ax: Axes, rivals: Mapping[str, Any]) -> None:
     for row in rivals["rows"]:
         if row["stopped"] is not None:
             continue
-        color = OWN if row["own"] else MUJOCO if row["label"].startswith("MuJoCo") else NEWTON
+        color = OWN if row["own"] else COLORS[row["label"].split()[0]]
         at = row["seconds"], max(100 * row["error"], 0.1)
         ax.plot(*at, "o" if row["own"] else "D", color=color, markersize=7)
         ax.annotate(row["label"], at, textcoords="offset points", xytext=(7, 3), fontsize=8, color=color)
