@@ -80,9 +80,9 @@ def _newton(solver: str, cells: int, step: float, iterations: int) -> Setting:
     return Setting("newton", said, {"solver": solver, "cells": cells, "step": step, "iterations": iterations})
 
 
-def _pybullet(cells: int, step: float) -> Setting:
-    given = {"cells": cells, "step": step, "margin": 0.0002, "repulsion": 0.5}
-    return Setting("pybullet", f"PyBullet {cells}³, {1e3 * step:g} ms", given)
+def _pybullet(cells: int, step: float, margin: float = 0.0002) -> Setting:
+    given = {"cells": cells, "step": step, "margin": margin, "repulsion": 0.5}
+    return Setting("pybullet", f"PyBullet {cells}³, {1e3 * step:g} ms, margin {1e3 * margin:g} mm", given)
 
 
 PACKAGES = RIVALS | {"pybullet": ("pybullet==3.2.7", "numpy==2.4.6")}
@@ -97,6 +97,7 @@ SETTINGS = (
     _mujoco(4),
     _pybullet(2, 0.0005),
     _pybullet(4, 0.0005),
+    _pybullet(4, 0.0005, margin=0.0005),
     _pybullet(4, 0.001),
 )
 
