@@ -50,8 +50,8 @@ claims: $(VENV)/.dev ## regenerate docs/results/claims.md: do claims of runs hol
 shapes: $(VENV)/.dev ## regenerate docs/results/shapes.md: how exact and how fast bodies from meshes are
 	@PYTHONPATH=tests $(PY) tests/benchmarks/shapes.py
 
-front: $(VENV)/.dev ## regenerate docs/results/front.md: what each of many bodies is best simulated as (RIVALS=1: other simulators, too)
-	@PYTHONPATH=tests $(PY) tests/benchmarks/front.py $(if $(RIVALS),--rivals)
+front: $(VENV)/.dev ## regenerate docs/results/front.md: what each of many bodies is best simulated as (RIVALS=1: other simulators, too; RIVALS=pybullet: that one again)
+	@PYTHONPATH=tests $(PY) tests/benchmarks/front.py $(if $(RIVALS),--rivals $(filter-out 1,$(RIVALS)))
 
 results: chart atlas ## regenerate docs/results/results.md, with charts and atlas: accuracy, speed and stability on this machine
 	@PYTHONPATH=tests $(PY) tests/benchmarks/results.py

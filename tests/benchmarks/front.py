@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.front_page import draw, page
-from benchmarks.front_rivals import compared
+from benchmarks.front_rivals import added, compared
 from benchmarks.front_runs import CHEESE, TOFU, Choice, Material, run
 from benchmarks.front_truth import Found, Mark, needed, truth_of
 from rich.console import Console
@@ -92,7 +92,12 @@ class Runs:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rivals", action="store_true", help="measure other simulators, too")
+    parser.add_argument(
+        "--rivals",
+        nargs="*",
+        metavar="NAME",
+        help="measure other simulators, too, or of them these alone: what is kept of others and of ours stays",
+    )
     measure, rivals = parser.parse_args().rivals, KEPT / "rivals.json"
     runs, marks, truths = Runs(Console()), dict[Material, Sequence[Mark]](), {}
     for material in (TOFU, CHEESE):
@@ -100,8 +105,9 @@ def main() -> None:
         marks[material] = [Mark.of(choice, runs(choice), truths[material]) for choice in marks_of(material)]
     crossing = [(choice, runs(choice)) for choice in stiffer()]
     sizes = [(choice, runs(choice)) for choice in larger()]
-    if measure:
-        rivals.write_text(json.dumps(compared(KEPT, runs, Console()), indent=1))
+    if measure is not None:
+        kept = added(json.loads(rivals.read_text()), KEPT, measure, Console()) if measure else None
+        rivals.write_text(json.dumps(kept or compared(KEPT, runs, Console()), indent=1))
     others = json.loads(rivals.read_text()) if rivals.exists() else None
     draw(marks, truths, others, ROOT / "docs" / "pictures" / "front.png")
     (ROOT / "docs" / "results" / "front.md").write_text(page(marks, truths, crossing, sizes, others, machine()))

@@ -1,10 +1,10 @@
 """Other simulators on the tray of `front`: `python tests/benchmarks/front.py --rivals` measures them.
 
-Each runs in a scratch environment with a program of its own (`front_mujoco`, `front_newton`), one setting a process, on
-one thread: the same cubes, walls, friction and damping, and fingers that go the way that ours went. Beside the force
-and the time, which are held against ours, there is what a user of several bodies asks of them: how deep they are in one
-another, what the floor bears, and what two free cubes that meet keep of their momentum. Shapes are judged by one
-program for all.
+Each runs in a scratch environment with a program of its own (`front_mujoco`, `front_newton`, `front_pybullet`), one
+setting a process, on one thread: the same cubes, walls, friction and damping, and fingers that go the way that ours
+went. Beside the force and the time, which are held against ours, there is what a user of several bodies asks of them:
+how deep they are in one another, what the floor bears, and what two free cubes that meet keep of their momentum. Shapes
+are judged by one program for all.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from itertools import combinations
@@ -24,7 +24,7 @@ import igl
 import numpy as np
 from benchmarks.front_runs import CLOSES, GRIPPED, TOFU, Choice, scene_of
 from benchmarks.front_tray import Floats, Tray, ended, grid_of
-from benchmarks.front_truth import Found, Truth, needed, truth_of
+from benchmarks.front_truth import Found, needed, truth_of
 from benchmarks.rivals import HERE, RIVALS, environment
 from cubes import EDGE, SOFT, cube  # beside the tests
 from cubes import scene_of as cubes_of
@@ -38,6 +38,8 @@ from softseam_services.orchestrator.simulation import Simulation
 
 SIDE = 2
 """cubes along each side of the tray: with 3 most rivals take an hour"""
+KEPT_TRAY = "tray.json"
+"""where the tray as others get it is kept"""
 LIMIT = 100.0
 """CPU seconds that a rival's run may take"""
 MEETING, APART, ASIDE, MEETS = 0.2, 0.0015, 0.004, 0.3
@@ -78,6 +80,13 @@ def _newton(solver: str, cells: int, step: float, iterations: int) -> Setting:
     return Setting("newton", said, {"solver": solver, "cells": cells, "step": step, "iterations": iterations})
 
 
+def _pybullet(cells: int, step: float, margin: float = 0.0002) -> Setting:
+    given = {"cells": cells, "step": step, "margin": margin, "repulsion": 0.5}
+    return Setting("pybullet", f"PyBullet {cells}³, {1e3 * step:g} ms, margin {1e3 * margin:g} mm", given)
+
+
+PACKAGES = RIVALS | {"pybullet": ("pybullet==3.2.7", "numpy==2.4.6")}
+"""what is installed for each"""
 SETTINGS = (
     *(_mujoco(2, sleep) for sleep in (False, True)),
     _mujoco(2, solver="CG"),
@@ -86,6 +95,10 @@ SETTINGS = (
     _newton("VBD", 4, 0.002, 10),
     *(_newton(f"VBD on XPBD, {by}", 4, 0.0005, 10) for by in ("lagged", "staggered", "ADMM")),
     _mujoco(4),
+    _pybullet(2, 0.0005),
+    _pybullet(4, 0.0005),
+    _pybullet(4, 0.0005, margin=0.0005),
+    _pybullet(4, 0.001),
 )
 
 
@@ -250,15 +263,17 @@ def deepest(found: Mapping[str, Any]) -> float:
     return worst
 
 
-def measured(tray: Tray, out: Path, console: Console) -> Iterable[tuple[str, dict[str, Any]]]:
+def measured(
+    tray: Tray, settings: Iterable[Setting], out: Path, console: Console
+) -> Iterable[tuple[str, dict[str, Any]]]:
     """Each rival's label, and what its runs of the tray and of two free cubes came to; kept in `out`."""
     scenes = {"tray": tray, "meeting": meeting_of(tray)}
-    for setting in SETTINGS:
+    for setting in settings:
         program = HERE / f"front_{setting.rival}.py"
         about = [dict(setting.given), asdict(tray), LIMIT, program.read_text(), (HERE / "front_tray.py").read_text()]
         kept = out / f"rival-{sha256(json.dumps(about).encode()).hexdigest()[:16]}.json"
         if not kept.exists():
-            python = environment(out.parent / f"rival-{setting.rival}", RIVALS[setting.rival])
+            python = environment(out.parent / f"rival-{setting.rival}", PACKAGES[setting.rival])
             both = {}
             for name, scene in scenes.items():
                 given, left = out / f"{name}.json", out / "left.json"
@@ -289,15 +304,30 @@ def compared(out: Path, runs: Callable[[Choice], Found], console: Console) -> di
     one's."""
     truth = truth_of({choice: runs(replace(choice, side=SIDE)) for choice in needed(TOFU)}, TOFU)
     tray = tray_of(replace(OURS[1], sleep=False))
-    rows = [_row(choice.label, ours(choice, tray), truth, own=True) for choice in OURS]
-    rows += [_row(label, found, truth, own=False) for label, found in measured(tray, out, console)]
+    (out / KEPT_TRAY).write_text(json.dumps(asdict(tray)))
+    rows = [_row(choice.label, ours(choice, tray), truth.force, own=True) for choice in OURS]
+    rows += [_row(label, found, truth.force, own=False) for label, found in measured(tray, SETTINGS, out, console)]
     return {"force": truth.force.tolist(), "known": truth.force_known, "cubes": SIDE**3 + 1, "rows": rows}
 
 
-def _row(label: str, found: Mapping[str, Any], truth: Truth, own: bool) -> dict[str, Any]:
-    row = {"label": label, "own": own, "momentum": found.get("momentum"), "stopped": found.get("stopped")}
+def added(kept: Mapping[str, Any], out: Path, names: Sequence[str], console: Console) -> dict[str, Any]:
+    """What is `kept` of `compared`, with the rows of these programs made again on the tray that is kept beside it. All
+    other rows stay, ours among them. Raises ValueError of a name that is none."""
+    if unknown := set(names) - set(PACKAGES):
+        raise ValueError(f"{', '.join(sorted(unknown))}: no such rival, there are {', '.join(PACKAGES)}")
+    again = [setting for setting in SETTINGS if setting.rival in names]
+    made = measured(Tray.read(out / KEPT_TRAY), again, out, console)
+    rows = {label: _row(label, found, np.array(kept["force"]), own=False) for label, found in made}
+    rows = {row["label"]: row for row in kept["rows"]} | rows
+    order = [*(label for label, row in rows.items() if row["own"]), *(setting.label for setting in SETTINGS)]
+    return {**kept, "rows": [rows[label] for label in order if label in rows]}
+
+
+def _row(label: str, found: Mapping[str, Any], truth: Floats, own: bool) -> dict[str, Any]:
+    about = {"momentum": found.get("momentum"), "stopped": found.get("stopped"), "version": found.get("version")}
+    row = {"label": label, "own": own, **about}
     if row["stopped"] is None:
         force = np.array(found["force"], dtype=float)
         row |= {name: found[name] for name in ("force", "seconds", "floor", "under")}
-        row |= {"error": float(np.abs(force / truth.force - 1.0).max()), "deepest": deepest(found)}
+        row |= {"error": float(np.abs(force / truth - 1.0).max()), "deepest": deepest(found)}
     return row
