@@ -23,9 +23,6 @@ from softseam_protocol.scene.materials import MOST_BRANCHES
 
 Floats = NDArray[np.float64]
 
-LEAST_SHARE = 0.005
-"""of the quick modulus: a branch with less is left out [1]"""
-
 
 @dataclass(frozen=True)
 class Branches:
@@ -109,12 +106,12 @@ def _branch_stress(time: Floats, stretch: Floats, times: Floats) -> Floats:
 
 
 def _solved(design: Floats, measured: Floats, weight: Floats, times: Floats) -> Branches:
-    """The springs, without branches that hardly count."""
+    """The springs, without branches that have less than half a percent of the quick modulus."""
     kept = np.ones(len(times) + 1, dtype=bool)
     while True:
         moduli, _ = nnls(design[:, kept] * weight[:, None], measured * weight)
         small = kept.copy()
-        small[kept] = moduli < LEAST_SHARE * moduli.sum()
+        small[kept] = moduli < 0.005 * moduli.sum()
         small[0] = False
         if not small.any() or not moduli.any():
             break
