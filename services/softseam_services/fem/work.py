@@ -9,9 +9,9 @@ from softseam_services.body.body import Floats, Ints
 from softseam_services.halt import own_halt
 from softseam_services.jit import record
 
-from .kernels.cells import LANES
 from .kernels.contact_columns import N_COLUMNS
 from .kernels.contact_tangents import BATCH, N
+from .kernels.fronts import LANES
 from .kernels.newton import N_MEMO
 from .model import FemModel
 from .parameters import FemParameters

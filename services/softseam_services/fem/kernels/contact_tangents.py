@@ -10,10 +10,9 @@ import numpy as np
 
 from softseam_services.jit import njit
 
-from .cells import LANES
 from .contact import coefficient
 from .contact_columns import EDGED, GAP, NORMAL, OPEN, PRESSURE, RELAXED, SLIP, SLOPE, SPREAD, STICK, TRACTION, TRIAL
-from .fronts import add_block, add_block_row
+from .fronts import LANES, add_block, add_block_row
 from .lapack import product
 
 BATCH = 64
