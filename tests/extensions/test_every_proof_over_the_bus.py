@@ -31,6 +31,7 @@ from softseam.pictures import draw_pictures
 from softseam.recording import Recording
 from softseam.replay import verify
 from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.scene.file import load_scene, scene_from_bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.supervisor import Supervisor
 
@@ -60,12 +61,18 @@ class Proof:
     deaths: Mapping[int, str] = field(default_factory=dict)
 
 
+def held() -> Scene:
+    """softseam's own law with state, which takes no row from outside."""
+    return scene_from_bundle(load_scene(Path(__file__).parents[2] / "scenes" / "tofu_held.yaml").bundle)
+
+
 UP = test_rung.UP
 GRAINS = {"regions": {"default": "springs"}}
 PROOFS = {
     "interface": Proof(partial(test_interface.scene, ("fem", "pbd"), 0.1), 20, 10, {22: "pbd"}),
     "contact law": Proof(partial(test_contact_law.scene, ("fem", "pbd"), 0.3), 10, 10, {12: "fem"}),
     "sleep": Proof(partial(test_sleep.scene, "fem", sleep=True), 20, 70, {30: "fem"}),
+    "what relaxes": Proof(held, 20, 10, {22: "fem"}),
     "law in parts": Proof(partial(test_law_in_every_solver.scene, "cut"), 20, 10, {15: "fem"}),
     "law that changes its solver": Proof(partial(test_law_in_every_solver.scene, "switched"), 210, 90),
     "model": Proof(test_model_with_a_service.scene, 10, 10, {12: "springs"}),
@@ -140,7 +147,7 @@ def test_it_is_the_run_in_one_process(services: Services, name: str) -> None:
     np.testing.assert_equal(again, after)
 
 
-@pytest.mark.parametrize("name", ["model", "grains", "grains of the model"])
+@pytest.mark.parametrize("name", ["what relaxes", "model", "grains", "grains of the model"])
 def test_it_is_recorded_drawn_and_replayed(services: Services, tmp_path: Path, name: str) -> None:
     """The recorder's file of some steps, simulated again in this process."""
     with softseam.open(PROOFS[name].scene(), connect=services.where, record=True) as sim:

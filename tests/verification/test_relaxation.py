@@ -185,7 +185,8 @@ def taken(sim: softseam.Session) -> list[softseam.Observation]:
 
 def test_every_joule_is_found() -> None:
     """What the plates put in is stored or was dissipated by the material, more and more so with shorter steps; the rest
-    is implicit Euler's, which takes half of what the force grows by in each step of the ramp, of five and ten."""
+    is implicit Euler's, which takes half of what the force grows by in each step of the ramp, of five and ten, and next
+    to nothing while the plates are still."""
     left = []
     for step in (0.01, 0.005):
         with softseam.open(scene(step)) as sim:
@@ -198,6 +199,9 @@ def test_every_joule_is_found() -> None:
         assert all(one.energies["material"] >= 0.0 for one in seen) and faded > 0.3 * work
         assert not [event for one in seen for event in one.events if event.kind == "warning"]
         left.append(lost / work)
+        still = seen[3 + int(np.argmax([one.quantities["grip_force"] for one in seen])) :]
+        assert sum(one.energies["material"] for one in still) > 0.25 * work
+        assert abs(sum(one.energies["dissipation"] for one in still)) < 1e-4 * work
     assert 0.4 * left[0] < left[1] < 0.6 * left[0] < 0.1
 
 
@@ -257,6 +261,13 @@ def test_what_octants_remember_is_restored_and_goes_along() -> None:
             assert one.energies == other.energies
     for one, other in zip(seen, whole, strict=True):
         np.testing.assert_allclose(one.positions, other.positions, atol=5e-6)
+
+
+def test_a_scene_that_names_no_model_gets_one_that_relaxes() -> None:
+    nameless = scene().model_copy(update={"regions": Scene.model_validate(_models("hex27")).regions})
+    with softseam.open(nameless) as sim:
+        sim.reset(seed=0)
+        assert {part.model for part in sim.step().parts.values()} == {"fem"}
 
 
 @pytest.mark.parametrize(

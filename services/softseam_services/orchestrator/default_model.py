@@ -53,6 +53,8 @@ def with_model(
     if implied is not None:
         kind, why = implied
         return _given(scene, kind), why
+    if any(material.relaxation for material in body.materials):
+        return _given(scene, NEAR_DEFAULT), f"{_NONE}, and {FAR_DEFAULT} does not know body.material.relaxation"
     if body.material.n_state:
         why = f"{FAR_DEFAULT} solves blocks of {body.material.kind}, which has state, one by one"
         return _given(scene, NEAR_DEFAULT), why
