@@ -265,7 +265,7 @@ def test_by_load_more_sleep_and_what_presses_is_within_some_hundredths() -> None
     most = np.abs(force[1]).max()
     weight = 18.0 * 9.81 * SOFT["density"] * EDGE**3
     assert most > 2.0 and np.abs(force[0] - force[1]).max() < 0.25 * weight / 18.0
-    assert abs(force[0, -1] - force[1, -1]) < 0.01 * most
+    assert abs(force[0, -1] - force[1, -1]) < 0.02 * most
     assert -by_load[comes - 3].wrench[GROUND, 2] == pytest.approx(weight, rel=1e-6)
 
 
