@@ -132,12 +132,13 @@ def _exchanges(axes: Axes, columns: Columns) -> None:
 
 def _energy(axes: Axes, columns: Columns) -> None:
     plain(axes, "energy [mJ]; work and loss summed")
-    for i, name in enumerate(("strain", "kinetic", "tool_work", "dissipation", "contact_loss")):
-        if name not in columns.names("energy."):  # recordings from before it was known
+    for i, name in enumerate(("strain", "kinetic", "tool_work", "dissipation", "contact_loss", "material")):
+        if name not in columns.names("energy."):  # where nothing dissipates, and in recordings from before it was known
             continue
         values = 1e3 * np.nan_to_num(columns[f"energy.{name}"])
         shown = np.cumsum(values) if i >= 2 else values
-        axes.plot(columns["time"], shown, color=_tone(i), linewidth=1.6, label=name.replace("_", " "))
+        label = "lost in the material" if name == "material" else name.replace("_", " ")
+        axes.plot(columns["time"], shown, color=_tone(i), linewidth=1.6, label=label)
     axes.legend(frameon=False, fontsize=8.5, loc="upper left", labelcolor=INK, ncols=2)
 
 
