@@ -46,7 +46,7 @@ def cube(edge: float, cells: int) -> tuple[Floats, Any]:
     corner = np.array(CORNERS)[None] ^ (low.sum(axis=1) % 2)[:, None, None]
     place = low[:, None, None, :] + bits[corner]
     tets = (place @ [(cells + 1) ** 2, cells + 1, 1]).reshape(-1, 4)
-    x = points * (edge / cells) - 0.5 * edge
+    x: Floats = np.asarray(points * (edge / cells) - 0.5 * edge, dtype=np.float64)
     inverted = np.linalg.det(x[tets[:, 1:]] - x[tets[:, :1]]) < 0.0
     tets[inverted] = tets[inverted][:, [1, 0, 2, 3]]
     return x, tets

@@ -125,7 +125,7 @@ def draw_rivals(ax: Axes, rivals: Mapping[str, Any]) -> None:
 def _near(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     """Whether a label beside one mark would meet the other's."""
     apart = max(one["seconds"], other["seconds"]) / min(one["seconds"], other["seconds"])
-    return apart < 2.0 and 0.93 < one["error"] / other["error"] < 1.07
+    return bool(apart < 2.0 and 0.93 < one["error"] / other["error"] < 1.07)
 
 
 def plain_logs(ax: Axes) -> None:

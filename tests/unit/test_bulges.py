@@ -19,7 +19,7 @@ pytestmark = pytest.mark.kernels
 
 RADIUS, CELL = 0.02, 0.008
 MATERIAL = {"young": 1e5, "poisson": 0.3, "density": 1000.0}
-Solid = tuple[NDArray[np.float64], NDArray[np.int32]]
+Solid = tuple[NDArray[np.float64], NDArray[np.int64]]
 BALL, BOX = solids.sphere(RADIUS, 4), solids.box((0.04, 0.04, 0.04))
 
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 from benchmarks import front_rivals
-from benchmarks.front_page import rivals_section
+from benchmarks.front_rivals_page import rivals_section
+from benchmarks.front_tray import Tray
 from rich.console import Console
 
 ASIDE = {"momentum": None, "version": None}
@@ -35,7 +36,7 @@ def measured(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
             yield setting.label, {"stopped": "diverged at 0.1 s", "version": "PyBullet 1"}
 
     monkeypatch.setattr(front_rivals, "measured", stopped)
-    fields = front_rivals.Tray.__dataclass_fields__
+    fields = Tray.__dataclass_fields__
     (tmp_path / "tray.json").write_text(json.dumps(dict.fromkeys(fields, 0.0)))
     return tmp_path
 

@@ -8,8 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 from softseam.app import app
+from softseam_protocol.scene.bodies import BodySpec
 from softseam_protocol.scene.file import SceneError, load_scene
 from softseam_protocol.scene.foods import FOODS, Food, Number
+from softseam_protocol.scene.materials import MaterialSpec
 from softseam_protocol.scene.scene import Scene
 from softseam_studies.foods.command import lasting
 from softseam_studies.foods.curves import bar_stress
@@ -27,6 +29,12 @@ def scene(material: Any) -> dict[str, Any]:
     }
 
 
+def material_of(of: Scene) -> MaterialSpec:
+    body = of.body
+    assert isinstance(body, BodySpec)
+    return body.material
+
+
 @pytest.mark.parametrize("name", list(FOODS))
 def test_a_food_is_a_material_whose_modulus_has_a_source(name: str) -> None:
     food = FOODS[name]
@@ -36,11 +44,11 @@ def test_a_food_is_a_material_whose_modulus_has_a_source(name: str) -> None:
         assert low <= number.value <= high
     said, numbers = Scene.model_validate(scene(name)), Scene.model_validate(scene(food.material))
     assert said == numbers
-    assert said.body.material.model_dump() == numbers.body.material.model_dump()
+    assert material_of(said).model_dump() == material_of(numbers).model_dump()
 
 
 def test_other_numbers_take_the_place_of_a_foods() -> None:
-    own = Scene.model_validate(scene({"food": "tofu_firm", "young": 30e3})).body.material
+    own = material_of(Scene.model_validate(scene({"food": "tofu_firm", "young": 30e3})))
     assert (own.young, own.poisson) == (30e3, FOODS["tofu_firm"].numbers["poisson"].value)
     assert len(own.relaxation) == 3
 

@@ -108,7 +108,8 @@ def test_the_loss_tangent_over_frequency(omega: float) -> None:
     point, dt, tau = Point(TWO), 2.0 * np.pi / omega / steps, np.array(TWO)[:, 1]
     x, g = omega * tau, np.array(TWO)[:, 0]
     storage, loss = MU * (0.25 + np.sum(g * x**2 / (1 + x**2))), MU * np.sum(g * x / (1 + x**2))
-    stress, lost = [], 0.0
+    stress: list[float] = []
+    lost = 0.0
     periods = 2 + int(np.ceil(8.0 * tau.max() * omega / (2.0 * np.pi)))
     for n in range(periods * steps):
         if n == (periods - 1) * steps:
@@ -168,5 +169,5 @@ def test_slow_and_quick_loads_feel_what_lasts_and_all() -> None:
         np.testing.assert_allclose(one, other, atol=1e-6 * MU)
 
 
-def _constants(elastic: ElasticConstants) -> dict[str, float]:
+def _constants(elastic: ElasticConstants) -> dict[str, Any]:
     return {"young": elastic.young, "poisson": elastic.poisson}

@@ -113,7 +113,8 @@ def slow() -> Iterator[None]:
 def test_both_paths_of_the_default_element_are_one() -> None:
     """Bonded and bulged."""
     found = []
-    for own in ({}, {"kind": "slow"}):
+    others_own: tuple[dict[str, Any], ...] = ({}, {"kind": "slow"})
+    for own in others_own:
         run = FemRun(cube(friction=50.0, **own))
         replies, _ = squeezed(run, 0.6, 0.02)
         found.append((run, replies))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -119,7 +120,7 @@ def test_a_cylinder_rolls_down_a_slope(tmp_path: Path, model: str) -> None:
     assert "energy" not in said
 
 
-SLOW = {
+SLOW: dict[str, tuple[Callable[[], str], float, float, float, tuple[float, ...]]] = {
     "cylinder": (lambda: cylinder(160, 0.017), 0.017, 0.0085, 5.5, (0.0, 0.25, 0.5, 0.75)),
     "cylinder, hardly": (lambda: cylinder(160, 0.017), 0.017, 0.0085, 3.0, (0.0,)),
     "facets": (lambda: cylinder(48, 0.017), 0.017, 0.0085, 5.5, (0.0,)),

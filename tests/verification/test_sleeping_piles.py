@@ -273,7 +273,8 @@ def test_by_load_it_goes_on_with_the_same_bits() -> None:
     """From a snapshot in which some sleep, and are about to wake."""
     with softseam.open(squeezed(sleep="by_load")) as sim:
         sim.reset(seed=0)
-        first, kept = [], []
+        first: list[softseam.Observation] = []
+        kept: list[bytes] = []
         while not sim.done:
             kept.append(sim.snapshot() if len(first) % 5 == 0 else b"")
             first.append(sim.step())
