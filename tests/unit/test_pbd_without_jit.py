@@ -33,7 +33,7 @@ def test_one_cell_three_steps(kind: str, damping: dict[str, float]) -> None:
     for _ in range(3):
         before = run.solver.snapshot()
         reply = run.step()
-        assert reply.status == "converged" and len(before) == len(run.solver.snapshot())
+        assert reply.status == "converged" and before != run.solver.snapshot()
     assert reply.extras["n_contacts"] == 9
     energy, x = Energy(run), run.x
     moved = x.copy()

@@ -30,6 +30,11 @@ _ALIKE = 0.9
 _ORIGIN, _UPRIGHT = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 
 
+_LAST = 1 / 32
+"""pace of the shortest parts of a step: there what yields is let in by and by, too, which feeds the body, but gets
+through (`step` in fem/step.py)"""
+
+
 @njit(cache=True, error_model="numpy")
 def firmness(model, parameters, point, inertia):
     """Factor on r at a node that keeps it at FIRM times the inertia of what the node stands for [1]."""
@@ -232,7 +237,7 @@ def find_candidates(x, v, dt, model, parameters, tools, multiplier, reach, inert
                 work.hold[count, 2] = 0.0
                 work.hold[count, 3] = pace
                 work.hold[count, 4] = sag
-                if pace < 1.0 and carry > 0.0:
+                if pace < 1.0 and (carry > 0.0 or pace <= _LAST):
                     position, turn = tools.position[tool], tools.orientation[tool]
                     if side < 0:
                         gap = tool_gap(kind, shape, position, turn, xp)[0]
