@@ -86,6 +86,21 @@ def test_what_is_no_such_curve_is_named_with_its_line(text: str, said: str, tmp_
         fit_material(path, None, Console(quiet=True))
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        ("curve.csv", "--out", "fitted.yaml"),
+        ("curve.csv", "--find", "friction"),
+        ("curve.csv", "--runs", "3"),
+        ("curve.csv", "--set", "step=0.01"),
+        ("tofu_grasp", "curve.csv", "--picture", "fit.png"),
+    ],
+)
+def test_wishes_that_the_other_fit_has_are_refused(given: tuple[str, ...]) -> None:
+    found = CliRunner().invoke(app, ["fit", *given])
+    assert found.exit_code != 0 and isinstance(found.exception, BadInput)
+
+
 def test_a_scene_without_a_curve_is_asked_for_it() -> None:
     found = CliRunner().invoke(app, ["fit", "tofu_grasp"])
     assert found.exit_code != 0 and isinstance(found.exception, BadInput)

@@ -30,9 +30,15 @@ from softseam_studies.fit.numbers import Number, numbers_of
 def fit_curve(wishes: Fit, console: Console) -> Answer | Branches:
     """Fit, print, and write what is asked for. Raises BadInput, SceneRefused and SimulationFailed."""
     if wishes.curve is not None:
+        if wishes.picture is not None:
+            raise BadInput("--picture: only the fit of a material, without a scene, is drawn")
         return fit_scene(wishes, console)
     if not wishes.scene.endswith(".csv"):
         raise BadInput(f"softseam fit {wishes.scene}: say what was measured, a .csv file, after the scene")
+    if wishes != Fit(wishes.scene, picture=wishes.picture):
+        raise BadInput(
+            f"{wishes.scene} is of a material: --find, --out, --runs and --set are of a scene, which stands before it"
+        )
     return fit_material(Path(wishes.scene), wishes.picture, console)
 
 

@@ -86,7 +86,7 @@ def read_measured(path: Path) -> Measured:
         stretch = columns["stretch"]
         outside = (stretch < 0.2) | (stretch > 4.0)
         _refuse(path, outside, lines, "a stretch is a length over the first one, .9 where it is pressed by 10 %")
-        if not (np.abs(stretch - 1.0) > 0.0).any() or not columns["stress"].any():
+        if (stretch == 1.0).all() or not columns["stress"].any():
             raise BadInput(f"{path}: nothing is pulled or pressed: stretch is 1 or stress is 0 in every row")
     return Measured(path, columns, lines)
 

@@ -93,6 +93,7 @@ def _of(young: Number, poisson: Number | None = None, density: Number | None = N
     }
 
 
+_TOFU: Relaxation = ((0.12, 0.05), (0.12, 0.5), (0.12, 5.0)), ASSUMED
 _POWER_LAW: Relaxation = (
     ((0.21, 0.01), (0.16, 0.1), (0.13, 1.0), (0.10, 10.0)),
     f"{ASSUMED}: a shear modulus as the frequency^.1",
@@ -104,7 +105,7 @@ FOODS: Table[Food] = Table(
         "tofu_firm": Food(
             "organic firm tofu",
             _of(Number(35.5e3, ST_PIERRE, (33.8e3, 44.8e3))),
-            (((0.12, 0.05), (0.12, 0.5), (0.12, 5.0)), ASSUMED),
+            _TOFU,
             {
                 "friction": Number(0.3),
                 "strength": Number(4.0e3, ASSUMED, (3.5e3, 4.5e3)),
@@ -114,7 +115,7 @@ FOODS: Table[Food] = Table(
         "tofu_extra_firm": Food(
             "organic extra firm tofu",
             _of(Number(29.1e3, ST_PIERRE, (29.1e3, 56.1e3))),
-            (((0.12, 0.05), (0.12, 0.5), (0.12, 5.0)), ASSUMED),
+            _TOFU,
             {
                 "friction": Number(0.3),
                 "strength": Number(4.0e3, ASSUMED, (3.2e3, 4.8e3)),
