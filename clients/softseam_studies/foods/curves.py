@@ -69,7 +69,7 @@ def draw_food(name: str, food: Food, path: Path) -> Path:
     strength = food.besides.get("strength")
     if strength is not None:
         left.axhline(1e-3 * strength.value, color=SOFT, linestyle=(0, (4, 3)), linewidth=1.1)
-        left.text(1.3, 1e-3 * strength.value, "breaks", fontsize=9, color=SOFT, va="bottom", ha="right")
+        left.text(0.86, 1e-3 * strength.value, "breaks", fontsize=9, color=SOFT, va="bottom")
     left.legend(frameon=False, fontsize=9, labelcolor=INK)
     plain(right, "shear stress of a shape that is held, over that at once [%]", "time [s]")
     left_over = 1.0 - sum((share * (1.0 - np.exp(-time / tau)) for share, tau in branches), np.zeros_like(time))
