@@ -1,6 +1,7 @@
 """Where the numbers of `block` are: rows of its workspace, and entries of its constants."""
 
 from softseam_services.body.materials.prototype import MAX_PARAMETERS
+from softseam_services.body.materials.relaxation import MOST_BRANCHES
 
 from .form import FORM, N_HOISTED
 from .lanes import LANES
@@ -8,7 +9,16 @@ from .lanes import LANES
 # Rows of the workspace: positions (node, component), inverse masses, Lambda (P then T), 8 max w, volume; then what only
 # read-out uses: the stress that the shape asks for (P then T), J and the energy.
 INVERSE_MASS, STRESS, SOFTNESS, VOLUME, WANTED, RATIO, ENERGY = 24, 32, 53, 54, 55, 76, 77
-ROWS = FORM + N_HOISTED
+# Then, of blocks that relax, what folds their branches (see `relaxing`), what they remember, and their shape now.
+FOLD = FORM + N_HOISTED
+FACING, STIFF, SHARE, REST, HELD, LOST = FOLD, FOLD + 6, FOLD + 7, FOLD + 8, FOLD + 20, FOLD + 21
+"""Q, its largest diagonal entry, G, r, the energy beyond what these say, what was dissipated in the step [Pa]"""
+N_FOLD = 22
+OF_STRAIN, OF_BENDING = 6, 12
+"""numbers that a branch remembers of strain and of bending; before them as many are the last shape's"""
+REMEMBERED = FOLD + N_FOLD
+NOW = REMEMBERED + (OF_STRAIN + OF_BENDING) * (1 + MOST_BRANCHES)
+ROWS = NOW + OF_STRAIN + OF_BENDING
 N_STRESS = 21 * LANES
 """numbers of Lambda in a batch"""
 
