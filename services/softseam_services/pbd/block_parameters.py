@@ -48,7 +48,7 @@ class BlockParameters:
     def n_state(self) -> int:
         """Numbers that each block remembers."""
         if self.branches:
-            return (OF_STRAIN + OF_BENDING) * (1 + self.branches)
+            return (OF_STRAIN + OF_BENDING) * (1 + self.branches) + 1
         return max(0, self.constants.table.shape[1] - MEMORY) if self.constants.table.ndim > 2 else 0
 
     @property

@@ -28,7 +28,7 @@ from .stability import EXPLICIT, EXPLICIT_LIMIT, KAPPA, SHOWN, STABLE, TOUCHED, 
 
 SHORT = 0.25
 """of the thickness of walls: who goes no farther in a substep has not passed one [1]"""
-RENEWED = 0.02
+RENEWED = 0.1
 """of the shortest time of a branch: how long what folds branches does [1]"""
 MARGIN = 0.1
 """points within this many block edges of a tool, and what speeds add to it, are tried for contact"""

@@ -26,13 +26,11 @@ ratio is below J_MIN of the elastic law, g and 1/J stay what they are there.
 import numpy as np
 
 from softseam_services.body.materials.neo_hookean import J_MIN
-from softseam_services.body.materials.prototype import MAX_PARAMETERS
 from softseam_services.jit import njit
 
 SIX = 6
 BRANCHES = 4
 """place in a law's parameters of mu [Pa] and tau [s] of the first branch; those of the elastic law are before it"""
-MOST_BRANCHES = (MAX_PARAMETERS - BRANCHES) // 2
 MU, KEEP, START, END = 0, 1, 2, 3
 """columns of what a branch does in a step: mu [Pa], and the coefficients of eq. (2)"""
 BAR, INVERSE, FACING, CROSSED, STRESS, VISCOUS, SIDE, SIZE = 0, 6, 12, 18, 24, 30, 36, 42

@@ -1,18 +1,18 @@
 """Energy, stress and local solve of blocks whose stress relaxes; equations are those of `block` but for these.
 
-Over some substeps all branches of a block are one frozen tensor Q, symmetric and positive definite, and the hourglass
-modes follow a shifted rest (`renew`): the block stores
-psi = psi_inf(F) + g/2 C : Q + q . (G/2 K q + K r),  g = J^(-2/3),  q_m -> F^T q_m                             (1)
-with psi_inf the neo-Hookean energy of mu_inf and lambda = K - 2/3 mu_inf, and what is left of a quick load's bending
-stiffness, G K. A potential, with
-P = F (mu_inf + g Q) + s' cof F + sum_m q_m t_m^T,  s' = s - (C : Q) g/(3 J),  t = K (G q + r)                 (2)
-Local solve: in D_b of `block` mu + g max Q_jj takes the place of mu, and ds' = ds + 5/9 (C : Q) g/J^2 that of ds.
-Where J is below J_MIN of the elastic law g goes on along its tangent there.
+Over some substeps all branches of a block are one frozen tensor g Q, symmetric and positive definite (`renew`), and its
+hourglass modes follow a shifted rest. With mu_inf and lambda_inf of what lasts, g = J^(-2/3), J' the volume ratio as
+the substeps begin, and lambda of a quick load, the block stores, but for a constant,
+psi = C : T/2 - mu' ln J + lambda/2 ln^2 J + q . (G/2 K q + K r),  q_m -> F^T q_m                              (1)
+T = mu_inf + g Q,  mu' = mu_inf + C : g Q/3 + (lambda - lambda_inf) ln J'                                       (2)
+where G K is what is left of a quick load's bending stiffness. It is a potential, with
+P = F T + s cof F + sum_m q_m t_m^T,  s = (lambda ln J - mu')/J,  t = K (G q + r)                               (3)
+which is that of mu_inf and of the branches as the substeps begin, whose pressure is none: there s = s_inf - C : g Q/3J.
+At rest it is neo-Hookean of a quick load. Local solve: max T_jj takes the place of mu in D_b of `block`.
 """
 
 import numpy as np
 
-from softseam_services.body.materials.neo_hookean import J_MIN
 from softseam_services.jit import njit
 
 from .block import (
@@ -30,9 +30,25 @@ from .block import (
     store_stress,
     write_row,
 )
-from .block_rows import ENERGY, FOLD, HELD, N_FOLD, RATIO, REST, SHARE, SOFTNESS, STIFF, STRESS, VOLUME, WANTED
+from .block_rows import (
+    ENERGY,
+    FOLD,
+    HELD,
+    LAM,
+    N_FOLD,
+    N_SWEPT,
+    PRESSED,
+    RATIO,
+    REST,
+    SHARE,
+    SOFTNESS,
+    STIFF,
+    STRESS,
+    VOLUME,
+    WANTED,
+)
 from .lanes import LANES, batch_kernel, lane_kernel, move_four
-from .neo_hookean import LN_2, cofactors, logarithm, solve_lane, turned_back, volumetric
+from .neo_hookean import LN_2, cofactors, solve_lane, turned_back, volumetric
 
 ROUNDS = 6755399441055744.0
 """1.5 2^52, which leaves a whole number where it is added"""
@@ -61,15 +77,6 @@ def exponential(x):
     return (low + y * (middle + y * high)) * power
 
 
-@lane_kernel
-def bar(J):
-    """g of eq. (1), its slope, and J where it is not below J_MIN."""
-    inside = J if J > J_MIN else J_MIN
-    g = exponential(logarithm(inside) * (-2.0 / 3.0))
-    slope = g * (-2.0 / 3.0) / inside
-    return g + (J - inside) * slope, slope, inside
-
-
 @njit(cache=True, error_model="numpy")
 def lasting(constants):
     """mu_inf and lambda of a batch's material [Pa]."""
@@ -82,13 +89,13 @@ def bring_fold(ws, constants, batch):
     """What folds the branches of a batch, into the workspace; of blocks that do not relax nothing."""
     if len(constants.fold) == 0:
         return
-    for row in range(N_FOLD):
+    for row in range(N_SWEPT + 1):
         move_four(ws, LANES * (FOLD + row), constants.fold, LANES * (N_FOLD * batch + row))
 
 
 @lane_kernel
 def facing(ws, lane):
-    """Q of a lane (6 values)."""
+    """T of a lane (6 values)."""
     a = lane + LANES * FOLD
     return ws[a], ws[a + LANES], ws[a + 2 * LANES], ws[a + 3 * LANES], ws[a + 4 * LANES], ws[a + 5 * LANES]
 
@@ -105,8 +112,17 @@ def twelve(ws, lane, row):
 
 
 @lane_kernel
+def put_twelve(ws, lane, row, a):
+    """The way back of `twelve`."""
+    at = lane + LANES * row
+    ws[at], ws[at + LANES], ws[at + 2 * LANES], ws[at + 3 * LANES] = a[0], a[1], a[2], a[3]
+    ws[at + 4 * LANES], ws[at + 5 * LANES], ws[at + 6 * LANES], ws[at + 7 * LANES] = a[4], a[5], a[6], a[7]
+    ws[at + 8 * LANES], ws[at + 9 * LANES], ws[at + 10 * LANES], ws[at + 11 * LANES] = a[8], a[9], a[10], a[11]
+
+
+@lane_kernel
 def turned_by(f, s):
-    """F Q of a symmetric Q = s (6 values), row by row (9 values)."""
+    """F S of a symmetric S = s (6 values), row by row (9 values)."""
     f0, f1, f2, f3, f4, f5, f6, f7, f8 = f
     return (
         *(f0 * s[0] + f1 * s[5] + f2 * s[4], f0 * s[5] + f1 * s[1] + f2 * s[3], f0 * s[4] + f1 * s[3] + f2 * s[2]),
@@ -120,6 +136,13 @@ def _inner(a, b):
     """Of nine values."""
     low = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4]
     return low + (a[5] * b[5] + a[6] * b[6] + a[7] * b[7] + a[8] * b[8])
+
+
+@lane_kernel
+def inner_twelve(a, b):
+    """Of twelve values."""
+    low = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+    return low + (a[6] * b[6] + a[7] * b[7] + a[8] * b[8] + a[9] * b[9] + a[10] * b[10] + a[11] * b[11])
 
 
 @lane_kernel
@@ -137,14 +160,14 @@ def _shifted(ws, lane, k, q):
 
 
 @lane_kernel
-def _row(a, f, e, c, q, t, mu, g, s, V):
-    """Row a of P and component a of T (7 values), eq. (2); e is F Q."""
+def _row(a, f, e, c, q, t, s, V):
+    """Row a of P and component a of T (7 values), eq. (3); e is F T."""
     f0, f1, f2 = f[3 * a], f[3 * a + 1], f[3 * a + 2]
     q0, q1, q2, q3 = q[a], q[3 + a], q[6 + a], q[9 + a]
     return (
-        V * (mu * f0 + g * e[3 * a] + s * c[3 * a] + q0 * t[0] + q1 * t[3] + q2 * t[6] + q3 * t[9]),
-        V * (mu * f1 + g * e[3 * a + 1] + s * c[3 * a + 1] + q0 * t[1] + q1 * t[4] + q2 * t[7] + q3 * t[10]),
-        V * (mu * f2 + g * e[3 * a + 2] + s * c[3 * a + 2] + q0 * t[2] + q1 * t[5] + q2 * t[8] + q3 * t[11]),
+        V * (e[3 * a] + s * c[3 * a] + q0 * t[0] + q1 * t[3] + q2 * t[6] + q3 * t[9]),
+        V * (e[3 * a + 1] + s * c[3 * a + 1] + q0 * t[1] + q1 * t[4] + q2 * t[7] + q3 * t[10]),
+        V * (e[3 * a + 2] + s * c[3 * a + 2] + q0 * t[2] + q1 * t[5] + q2 * t[8] + q3 * t[11]),
         V * (f0 * t[0] + f1 * t[1] + f2 * t[2]),
         V * (f0 * t[3] + f1 * t[4] + f2 * t[5]),
         V * (f0 * t[6] + f1 * t[7] + f2 * t[8]),
@@ -156,24 +179,20 @@ def _row(a, f, e, c, q, t, mu, g, s, V):
 def project_lanes_relaxing(ws, constants, kappa, hh):
     """Solve four blocks once."""
     hoisted = hoist(ws, constants)
-    mu, lam = lasting(constants)
+    lam = hoisted[LAM]
     for lane in range(LANES):
         k, by = of_lane(ws, lane, hoisted), kappa * hh * ws[lane + LANES * SOFTNESS]
         V, at = ws[lane + LANES * VOLUME], lane + LANES * STRESS
         f, q = shape(ws, lane, k)
         c, J = cofactors(f)
         e = turned_by(f, facing(ws, lane))
-        along = _inner(f, e)
-        g, slope, inside = bar(J)
-        _, s, ds = volumetric(J, mu, lam)
-        s += 0.5 * along * slope
-        ds -= (5.0 / 6.0) * along * slope / inside
+        _, s, ds = volumetric(J, ws[lane + LANES * PRESSED], lam)
         t = _shifted(ws, lane, k, turned_back(f, q))
-        r0 = residual(ws, at, 0, _row(0, f, e, c, q, t, mu, g, s, V))
-        r1 = residual(ws, at, 1, _row(1, f, e, c, q, t, mu, g, s, V))
-        r2 = residual(ws, at, 2, _row(2, f, e, c, q, t, mu, g, s, V))
+        r0 = residual(ws, at, 0, _row(0, f, e, c, q, t, s, V))
+        r1 = residual(ws, at, 1, _row(1, f, e, c, q, t, s, V))
+        r2 = residual(ws, at, 2, _row(2, f, e, c, q, t, s, V))
         bound = max(1.0, _inner(f, f) * (1.0 / 3.0))
-        stiffness = V * (mu + g * ws[lane + LANES * STIFF] + abs(s) * np.sqrt(bound))
+        stiffness = V * (ws[lane + LANES * STIFF] + abs(s) * np.sqrt(bound))
         move = node_softness(ws, lane, hh)
         by_bending = by * V * bound * ws[lane + LANES * SHARE]
         solve_lane(ws, lane, ws, at, k, f, c, (r0, r1, r2), V, by, stiffness, ds, by_bending, move)
@@ -187,7 +206,8 @@ def sweep_relaxing(ws, xw, nodes, volume, softness, stress, constants, kappa, hh
         load_stress(ws, stress, batch)
         move_four(ws, LANES * SOFTNESS, softness, LANES * batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
-        bring_fold(ws, constants, batch)
+        for row in range(N_SWEPT):
+            move_four(ws, LANES * (FOLD + row), constants.fold, LANES * (N_FOLD * batch + row))
         project_lanes_relaxing(ws, of_batch(constants, batch), kappa, hh)
         store_stress(ws, STRESS, stress, batch)
         scatter(ws, xw, nodes, batch)
@@ -195,37 +215,33 @@ def sweep_relaxing(ws, xw, nodes, volume, softness, stress, constants, kappa, hh
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, aside=())
 def stress_lanes_relaxing(ws, constants):
-    """Rows WANTED of four blocks: P and T that their shapes ask for, eq. (2)."""
+    """Rows WANTED of four blocks: P and T that their shapes ask for, eq. (3)."""
     hoisted = hoist(ws, constants)
-    mu, lam = lasting(constants)
     for lane in range(LANES):
         k, V = of_lane(ws, lane, hoisted), ws[lane + LANES * VOLUME]
         f, q = shape(ws, lane, k)
         c, J = cofactors(f)
         e = turned_by(f, facing(ws, lane))
-        g, slope, _ = bar(J)
-        s = volumetric(J, mu, lam)[1] + 0.5 * _inner(f, e) * slope
+        _, s, _ = volumetric(J, ws[lane + LANES * PRESSED], hoisted[LAM])
         t = _shifted(ws, lane, k, turned_back(f, q))
-        write_row(ws, lane, WANTED, 0, _row(0, f, e, c, q, t, mu, g, s, V))
-        write_row(ws, lane, WANTED, 1, _row(1, f, e, c, q, t, mu, g, s, V))
-        write_row(ws, lane, WANTED, 2, _row(2, f, e, c, q, t, mu, g, s, V))
+        write_row(ws, lane, WANTED, 0, _row(0, f, e, c, q, t, s, V))
+        write_row(ws, lane, WANTED, 1, _row(1, f, e, c, q, t, s, V))
+        write_row(ws, lane, WANTED, 2, _row(2, f, e, c, q, t, s, V))
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"}, aside=())
 def energy_lanes_relaxing(ws, constants):
     """Rows RATIO, ENERGY of four blocks: J and U, eq. (1)."""
     hoisted = hoist(ws, constants)
-    mu, lam = lasting(constants)
     for lane in range(LANES):
         k = of_lane(ws, lane, hoisted)
         f, q = shape(ws, lane, k)
         _, J = cofactors(f)
-        energy = volumetric(J, mu, lam)[0] + 0.5 * mu * (_inner(f, f) - 3.0)
-        energy += 0.5 * bar(J)[0] * _inner(f, turned_by(f, facing(ws, lane))) + ws[lane + LANES * HELD]
+        energy, _, _ = volumetric(J, ws[lane + LANES * PRESSED], hoisted[LAM])
+        energy += 0.5 * _inner(f, turned_by(f, facing(ws, lane))) + ws[lane + LANES * HELD]
         back = turned_back(f, q)
-        t, share, r = hourglass(k, back), 0.5 * ws[lane + LANES * SHARE], twelve(ws, lane, REST)
-        for m in range(12):
-            energy += t[m] * (share * back[m] + r[m])
+        t = hourglass(k, back)
+        energy += 0.5 * ws[lane + LANES * SHARE] * inner_twelve(t, back) + inner_twelve(t, twelve(ws, lane, REST))
         ws[lane + LANES * RATIO] = J
         ws[lane + LANES * ENERGY] = ws[lane + LANES * VOLUME] * energy
 
@@ -234,16 +250,15 @@ def energy_lanes_relaxing(ws, constants):
 def cauchy_lanes_relaxing(ws, constants):
     """The first six rows of WANTED: the Cauchy stress at the centres of four blocks, xx yy zz yz xz xy [Pa]."""
     hoisted = hoist(ws, constants)
-    mu, lam = lasting(constants)
     for lane in range(LANES):
         f, _ = shape(ws, lane, of_lane(ws, lane, hoisted))
         _, J = cofactors(f)
-        e = turned_by(f, facing(ws, lane))
-        g, slope, _ = bar(J)
-        s, over = volumetric(J, mu, lam)[1] + 0.5 * _inner(f, e) * slope, 1.0 / J
-        for n in range(6):
-            i, j = (0, 1, 2, 1, 0, 0)[n], (0, 1, 2, 2, 2, 1)[n]
-            entry = s if i == j else 0.0
-            for m in range(3):
-                entry += over * (mu * f[3 * i + m] + g * e[3 * i + m]) * f[3 * j + m]
-            ws[lane + LANES * (WANTED + n)] = entry
+        e, over = turned_by(f, facing(ws, lane)), 1.0 / J
+        _, s, _ = volumetric(J, ws[lane + LANES * PRESSED], hoisted[LAM])
+        at = lane + LANES * WANTED
+        ws[at] = s + over * (e[0] * f[0] + e[1] * f[1] + e[2] * f[2])
+        ws[at + LANES] = s + over * (e[3] * f[3] + e[4] * f[4] + e[5] * f[5])
+        ws[at + 2 * LANES] = s + over * (e[6] * f[6] + e[7] * f[7] + e[8] * f[8])
+        ws[at + 3 * LANES] = over * (e[3] * f[6] + e[4] * f[7] + e[5] * f[8])
+        ws[at + 4 * LANES] = over * (e[0] * f[6] + e[1] * f[7] + e[2] * f[8])
+        ws[at + 5 * LANES] = over * (e[0] * f[3] + e[1] * f[4] + e[2] * f[5])

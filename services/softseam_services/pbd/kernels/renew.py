@@ -1,15 +1,15 @@
 """What blocks that relax remember, brought up to date every few substeps, and what folds it for those to come.
 
-State of a block is that of an octant (`body.materials.relaxation`), C_bar and C_i of each branch, and likewise of its
-hourglass modes q = F^T q_m and the stress h = mu q_elastic of each branch, which is of K/mu (`hourglass`). Since the
-last time an interval d went by in which both went straight: C_i by eq. (2) there, and with k, m of x = d/tau
+State of a block is that of an octant (`body.materials.relaxation`), C_bar and C_i of each branch; likewise, of its
+hourglass modes, q = F^T q_m and the stress h = mu q_elastic of each branch, which is of K/mu_0 (`hourglass`); and J.
+Since the last time an interval went by in which both went straight: C_i by eq. (2) there, and with its k and m
 h <- k h + mu m (q - q_0)                                                                                       (1)
-For the substeps to come all branches become the Q, G and r of `relaxing`. To first order in what C_bar will do
+For the substeps to come all branches become T, mu', G and r of `relaxing`. To first order in what C_bar will do
 M = m unimod(w C_i + (1 - w) C_bar)^-1 + (1 - m) C_bar^-1,  w = k/m,
 of the time at their middle, and the last term has no stress; so with what does not relax, mu_inf of mu_0,
-Q = sum m mu unimod(w C_i + (1 - w) C_bar)^-1,  G = (mu_inf + sum m mu)/mu_0,  r = sum (k h - m mu q)/mu_0       (2)
-The rest of the step's end is 0 substeps away: k = m = 1, (1) of `relaxing` is what the block stores, and HELD what that
-leaves out, sum (u K u/(2 mu mu_0) - 3/2 mu), u = h - mu q.
+Q = sum m mu unimod(w C_i + (1 - w) C_bar)^-1,  G = (mu_inf + sum m mu)/mu_0,  r = sum (k h - m mu q)/mu_0      (2)
+As the step ends, which is 0 substeps away, k = m = 1, and eq. (1) of `relaxing` is what the block stores with HELD,
+which is what that leaves out: sum u K u/(2 mu mu_0), u = h - mu q, and what depends on J' and on no shape.
 
 What a branch with the elastic strain e dissipates, mu/2 |dev C_bar M|^2/tau a second, and likewise h K h/(mu mu_0)/tau,
 is weighted at the interval's ends: by y = x/(1 - e^-2x) - 1/2 at its end, and x - y at its start, both >= 0: exact
@@ -18,30 +18,35 @@ where strain is held, and where stress is. So it is >= 0 in every block.
 
 import numpy as np
 
+from softseam_services.body.materials.neo_hookean import J_MIN
 from softseam_services.body.materials.relaxation import BRANCHES, coefficients
 from softseam_services.jit import njit
 
 from .block import gather, hoist, hoisted, hourglass, of_batch, of_lane, parameters_of, shape
 from .block_rows import (
+    BRANCH,
     FACING,
     FOLD,
     HELD,
+    LAM,
     LOST,
     MU,
     N_FOLD,
     NOW,
     OF_BENDING,
     OF_STRAIN,
+    PRESSED,
     REMEMBERED,
     REST,
     SHARE,
     STIFF,
+    VOLUME_NOW,
 )
 from .lanes import LANES, batch_kernel, lane_kernel, move_four
-from .neo_hookean import cofactors, logarithm, turned_back
-from .relaxing import bar, exponential, lasting, twelve
+from .neo_hookean import cofactors, logarithm, turned_back, volumetric
+from .relaxing import exponential, inner_twelve, lasting, put_twelve, twelve
 
-MOST = 8
+MOST = 16
 """substeps between two renewals"""
 N_COEFFICIENTS = 8
 """of a branch: mu; k, m - k, 1 - m of the interval; k, mu m, w of the time to come; weight of what is dissipated"""
@@ -75,6 +80,13 @@ def write_coefficients(parameters, elapsed, ahead, middle, found):
         keep, start, _ = coefficients(middle, time)
         found[n, 4], found[n, 5], found[n, 6] = keep, mu * (keep + start), keep / (keep + start)
         found[n, 7] = _end_weight(elapsed / time) + ahead / time - _end_weight(ahead / time)
+
+
+@lane_kernel
+def bar(J):
+    """J^(-2/3), and J where it is not below J_MIN."""
+    inside = J if J > J_MIN else J_MIN
+    return exponential(logarithm(inside) * (-2.0 / 3.0)), inside
 
 
 @lane_kernel
@@ -121,11 +133,13 @@ def deviator_squared(m, c):
 
 @batch_kernel
 def see_shapes(ws, constants):
-    """Rows NOW of four blocks: C_bar, less 1, and the hourglass modes q."""
+    """Rows NOW of four blocks: C_bar, less 1, the hourglass modes q, and J, less 1."""
     own = hoisted(constants)
     for lane in range(LANES):
         f, modes = shape(ws, lane, of_lane(ws, lane, own))
-        g = bar(cofactors(f)[1])[0]
+        _, J = cofactors(f)
+        g, _ = bar(J)
+        ws[lane + LANES * VOLUME_NOW] = J - 1.0
         at = lane + LANES * NOW
         ws[at] = g * (f[0] * f[0] + f[3] * f[3] + f[6] * f[6]) - 1.0
         ws[at + LANES] = g * (f[1] * f[1] + f[4] * f[4] + f[7] * f[7]) - 1.0
@@ -133,25 +147,22 @@ def see_shapes(ws, constants):
         ws[at + 3 * LANES] = g * (f[1] * f[2] + f[4] * f[5] + f[7] * f[8])
         ws[at + 4 * LANES] = g * (f[0] * f[2] + f[3] * f[5] + f[6] * f[8])
         ws[at + 5 * LANES] = g * (f[0] * f[1] + f[3] * f[4] + f[6] * f[7])
-        q = turned_back(f, modes)
-        at = lane + LANES * (NOW + OF_STRAIN)
-        for m in range(OF_BENDING):
-            ws[at + LANES * m] = q[m]
+        put_twelve(ws, lane, NOW + OF_STRAIN, turned_back(f, modes))
 
 
 @batch_kernel
-def _renew_strain(ws, at, k):
-    """C_i of a branch, whose row in the workspace is `at`, and what it adds to Q and LOST; k: its coefficients."""
-    mu, keep, start, end, level, weight = k[0], k[1], k[2], k[3], k[5], k[6]
-    loss, rest = 0.5 * mu * k[7], 1.0 - weight
+def _renew_strain(ws, mu, keep, start, end, level, weight, loss):
+    """C_i of a branch in BRANCH, and what it adds to Q and LOST; the rest as of `write_coefficients`."""
+    rest, loss = 1.0 - weight, 0.5 * mu * loss
     for lane in range(LANES):
         now = _six(ws, lane, NOW)
-        viscous, inverse = _unimodular(_mixed(keep, _six(ws, lane, at), start, _six(ws, lane, REMEMBERED), end, now))
+        begun, before = _six(ws, lane, BRANCH), _six(ws, lane, REMEMBERED)
+        viscous, inverse = _unimodular(_mixed(keep, begun, start, before, end, now))
         ws[lane + LANES * LOST] += loss * deviator_squared(inverse, now)
-        to = lane + LANES * at
+        _, q = _unimodular(_mixed(weight, viscous, rest, now, 0.0, now))
+        to = lane + LANES * BRANCH
         ws[to], ws[to + LANES], ws[to + 2 * LANES] = viscous[0], viscous[1], viscous[2]
         ws[to + 3 * LANES], ws[to + 4 * LANES], ws[to + 5 * LANES] = viscous[3], viscous[4], viscous[5]
-        _, q = _unimodular(_mixed(weight, viscous, rest, now, 0.0, now))
         to = lane + LANES * FACING
         ws[to] += level * q[0]
         ws[to + LANES] += level * q[1]
@@ -162,51 +173,64 @@ def _renew_strain(ws, at, k):
 
 
 @lane_kernel
-def _twice_stored(k, h):
-    """h K h of twelve values."""
-    t = hourglass(k, h)
-    low = h[0] * t[0] + h[1] * t[1] + h[2] * t[2] + h[3] * t[3] + h[4] * t[4] + h[5] * t[5]
-    return low + (h[6] * t[6] + h[7] * t[7] + h[8] * t[8] + h[9] * t[9] + h[10] * t[10] + h[11] * t[11])
+def _sum_of_twelve(u, a, v, b):
+    """u a + v b."""
+    return (
+        *(u * a[0] + v * b[0], u * a[1] + v * b[1], u * a[2] + v * b[2], u * a[3] + v * b[3]),
+        *(u * a[4] + v * b[4], u * a[5] + v * b[5], u * a[6] + v * b[6], u * a[7] + v * b[7]),
+        *(u * a[8] + v * b[8], u * a[9] + v * b[9], u * a[10] + v * b[10], u * a[11] + v * b[11]),
+    )
 
 
 @batch_kernel
-def _renew_bending(ws, constants, was, at, c):
-    """h of a branch, whose row is `at`, that of q_0 being `was`, and what it adds to r, LOST and HELD."""
+def _renew_bending(ws, constants, mu, keep, gain, fade, level, loss):
+    """h of a branch in BRANCH, and what it adds to r, LOST and HELD; the rest as of `write_coefficients`."""
     own = hoisted(constants)
-    mu, keep, gain = c[0], c[1], c[0] * (c[1] + c[2])
-    fade, level, per, loss = c[4], c[5], 1.0 / own[MU], c[7] / (c[0] * own[MU])
-    held = 0.5 / (c[0] * own[MU])
+    per, held = 1.0 / own[MU], 0.5 / (mu * own[MU])
+    loss = loss / (mu * own[MU])
     for lane in range(LANES):
         k = of_lane(ws, lane, own)
-        q, p, o = twelve(ws, lane, NOW + OF_STRAIN), twelve(ws, lane, was), twelve(ws, lane, at)
-        h = (
-            *(keep * o[0] + gain * (q[0] - p[0]), keep * o[1] + gain * (q[1] - p[1])),
-            *(keep * o[2] + gain * (q[2] - p[2]), keep * o[3] + gain * (q[3] - p[3])),
-            *(keep * o[4] + gain * (q[4] - p[4]), keep * o[5] + gain * (q[5] - p[5])),
-            *(keep * o[6] + gain * (q[6] - p[6]), keep * o[7] + gain * (q[7] - p[7])),
-            *(keep * o[8] + gain * (q[8] - p[8]), keep * o[9] + gain * (q[9] - p[9])),
-            *(keep * o[10] + gain * (q[10] - p[10]), keep * o[11] + gain * (q[11] - p[11])),
-        )
-        u = (
-            *(h[0] - mu * q[0], h[1] - mu * q[1], h[2] - mu * q[2], h[3] - mu * q[3], h[4] - mu * q[4]),
-            *(h[5] - mu * q[5], h[6] - mu * q[6], h[7] - mu * q[7], h[8] - mu * q[8], h[9] - mu * q[9]),
-            *(h[10] - mu * q[10], h[11] - mu * q[11]),
-        )
-        ws[lane + LANES * LOST] += loss * _twice_stored(k, h)
-        ws[lane + LANES * HELD] += held * _twice_stored(k, u) - 1.5 * level
-        to, rest = lane + LANES * at, lane + LANES * REST
-        for m in range(OF_BENDING):
-            ws[to + LANES * m] = h[m]
-            ws[rest + LANES * m] += per * (fade * h[m] - level * q[m])
+        q, before = twelve(ws, lane, NOW + OF_STRAIN), twelve(ws, lane, REMEMBERED + OF_STRAIN)
+        moved = _sum_of_twelve(1.0, q, -1.0, before)
+        h = _sum_of_twelve(keep, twelve(ws, lane, BRANCH + OF_STRAIN), gain, moved)
+        u = _sum_of_twelve(1.0, h, -mu, q)
+        ws[lane + LANES * LOST] += loss * inner_twelve(h, hourglass(k, h))
+        ws[lane + LANES * HELD] += held * inner_twelve(u, hourglass(k, u))
+        put_twelve(ws, lane, BRANCH + OF_STRAIN, h)
+        r = _sum_of_twelve(fade * per, h, -level * per, q)
+        put_twelve(ws, lane, REST, _sum_of_twelve(1.0, twelve(ws, lane, REST), 1.0, r))
 
 
 @batch_kernel
-def _end_fold(ws, share):
-    """STIFF and SHARE of four blocks."""
+def _end_fold(ws, mu, lam, quick_mu, quick_lam, left):
+    """From Q in the place of T to the fold of four blocks; mu and lambda of what lasts and of a quick load [Pa], and
+    what is left of mu. Eq. (2) of `relaxing`."""
     for lane in range(LANES):
+        J, c, q = 1.0 + ws[lane + LANES * VOLUME_NOW], _six(ws, lane, NOW), _six(ws, lane, FACING)
+        g, inside = bar(J)
+        trace = q[0] + q[1] + q[2] + q[0] * c[0] + q[1] * c[1] + q[2] * c[2]
+        trace += 2.0 * (q[3] * c[3] + q[4] * c[4] + q[5] * c[5])
         at = lane + LANES * FACING
-        ws[lane + LANES * STIFF] = max(ws[at], max(ws[at + LANES], ws[at + 2 * LANES]))
-        ws[lane + LANES * SHARE] = share
+        x, y, z = mu + g * q[0], mu + g * q[1], mu + g * q[2]
+        ws[at], ws[at + LANES], ws[at + 2 * LANES] = x, y, z
+        ws[at + 3 * LANES], ws[at + 4 * LANES], ws[at + 5 * LANES] = g * q[3], g * q[4], g * q[5]
+        ws[lane + LANES * STIFF] = max(x, max(y, z))
+        # s of `volumetric` is -mu A + lambda B; A = 1/J and B = ln J/J but below J_MIN.
+        over, log = 1.0 / inside, logarithm(inside)
+        below = (J - inside) * over
+        pressed = mu + trace * (1.0 / 3.0) + (quick_lam - lam) * (log + below * (1.0 - log)) / (1.0 - below)
+        of_lasting, _, _ = volumetric(J, mu, lam)
+        of_fold, _, _ = volumetric(J, pressed, quick_lam)
+        ws[lane + LANES * PRESSED] = pressed
+        ws[lane + LANES * HELD] += of_lasting - of_fold - 1.5 * left
+        ws[lane + LANES * SHARE] = left / quick_mu
+
+
+@lane_kernel
+def _move(to, row, source, at, n):
+    """n rows of a batch from `at` on to those from `row` on."""
+    for i in range(n):
+        move_four(to, LANES * (row + i), source, LANES * (at + i))
 
 
 @njit(cache=True, error_model="numpy", aside=())
@@ -220,55 +244,51 @@ def renew(ws, xw, nodes, constants, memory, elapsed, ahead, middle, first, end):
     """
     n = memory.shape[1]
     branches = n // (OF_STRAIN + OF_BENDING) - 1
-    bending, fold = REMEMBERED + OF_STRAIN * (1 + branches), constants.fold
+    bending, fold = OF_STRAIN * (1 + branches), constants.fold
     known, k = -1, np.empty((branches, N_COEFFICIENTS))
     for batch in range(first, end):
-        own = of_batch(constants, batch)
+        own, at = of_batch(constants, batch), n * batch
         if constants.number[batch] != known:
             known = constants.number[batch]
             write_coefficients(parameters_of(own), elapsed, ahead, middle, k)
-        for row in range(n):
-            move_four(ws, LANES * (REMEMBERED + row), memory, LANES * (n * batch + row))
+        _move(ws, REMEMBERED, memory, at, OF_STRAIN)
+        _move(ws, REMEMBERED + OF_STRAIN, memory, at + bending, OF_BENDING)
         for row in range(LANES * FOLD, LANES * (FOLD + N_FOLD)):
             ws[row] = 0.0
         material = hoist(ws, own)
         if elapsed > 0.0:
-            move_four(ws, LANES * LOST, fold, LANES * (N_FOLD * batch + LOST - FOLD))
+            _move(ws, LOST, fold, N_FOLD * batch + LOST - FOLD, 1)
             gather(ws, xw, nodes, batch)
             see_shapes(ws, own)
+            _move(memory, at, ws, NOW, OF_STRAIN)
+            _move(memory, at + bending, ws, NOW + OF_STRAIN, OF_BENDING)
+            _move(memory, at + n - 1, ws, VOLUME_NOW, 1)
         else:
-            for row in range(OF_STRAIN):
-                move_four(ws, LANES * (NOW + row), ws, LANES * (REMEMBERED + row))
-            for row in range(OF_BENDING):
-                move_four(ws, LANES * (NOW + OF_STRAIN + row), ws, LANES * (bending + row))
-        share = lasting(own)[0] / material[MU]
+            _move(ws, NOW, ws, REMEMBERED, OF_STRAIN + OF_BENDING)
+            _move(ws, VOLUME_NOW, memory, at + n - 1, 1)
+        mu_lasting, lam = lasting(own)
+        left = mu_lasting
         for branch in range(branches):
-            if k[branch, 0] == 0.0:
+            mu, keep, start, last = k[branch, 0], k[branch, 1], k[branch, 2], k[branch, 3]
+            fade, level, weight, loss = k[branch, 4], k[branch, 5], k[branch, 6], k[branch, 7]
+            if mu == 0.0:
                 continue
-            share += k[branch, 5] / material[MU]
-            _renew_strain(ws, REMEMBERED + OF_STRAIN * (1 + branch), k[branch])
-            _renew_bending(ws, own, bending, bending + OF_BENDING * (1 + branch), k[branch])
-        _end_fold(ws, share)
-        if elapsed > 0.0:
-            for row in range(OF_STRAIN):
-                move_four(memory, LANES * (n * batch + row), ws, LANES * (NOW + row))
-            for row in range(OF_BENDING):
-                place = n * batch + OF_STRAIN * (1 + branches) + row
-                move_four(memory, LANES * place, ws, LANES * (NOW + OF_STRAIN + row))
-            for branch in range(branches):
-                for row in range(OF_STRAIN):
-                    at = OF_STRAIN * (1 + branch) + row
-                    move_four(memory, LANES * (n * batch + at), ws, LANES * (REMEMBERED + at))
-                for row in range(OF_BENDING):
-                    at = OF_STRAIN * (1 + branches) + OF_BENDING * (1 + branch) + row
-                    move_four(memory, LANES * (n * batch + at), ws, LANES * (REMEMBERED + at))
-        for row in range(N_FOLD):
-            move_four(fold, LANES * (N_FOLD * batch + row), ws, LANES * (FOLD + row))
+            left += level
+            strain, modes = at + OF_STRAIN * (1 + branch), at + bending + OF_BENDING * (1 + branch)
+            _move(ws, BRANCH, memory, strain, OF_STRAIN)
+            _move(ws, BRANCH + OF_STRAIN, memory, modes, OF_BENDING)
+            _renew_strain(ws, mu, keep, start, last, level, weight, loss)
+            _renew_bending(ws, own, mu, keep, mu * (keep + start), fade, level, loss)
+            if elapsed > 0.0:
+                _move(memory, strain, ws, BRANCH, OF_STRAIN)
+                _move(memory, modes, ws, BRANCH + OF_STRAIN, OF_BENDING)
+        _end_fold(ws, mu_lasting, lam, material[MU], material[LAM], left)
+        _move(fold, N_FOLD * batch, ws, FOLD, N_FOLD)
 
 
 @njit(cache=True, error_model="numpy", aside=())
 def begin_bending(ws, xw, nodes, constants, memory):
-    """What octants handed over does not say: of the shapes now, q, and of each branch h = mu e q, 1 at most
+    """What octants handed over does not say: of the shapes now, q and J, and of each branch h = mu e q, 1 at most
     e = |dev C_i^-1 C_bar|/|dev C_bar|: as much of bending has faded as of strain. memory (b, n, LANES) in place."""
     n = memory.shape[1]
     branches = n // (OF_STRAIN + OF_BENDING) - 1
@@ -284,6 +304,7 @@ def begin_bending(ws, xw, nodes, constants, memory):
             whole = deviator_squared((1.0, 1.0, 1.0, 0.0, 0.0, 0.0), now)
             for m in range(OF_BENDING):
                 memory[batch, bending + m, lane] = ws[lane + LANES * (NOW + OF_STRAIN + m)]
+            memory[batch, n - 1, lane] = ws[lane + LANES * VOLUME_NOW]
             for branch in range(branches):
                 at = OF_STRAIN * (1 + branch)
                 _, inverse = _unimodular(
