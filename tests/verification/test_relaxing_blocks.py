@@ -82,7 +82,7 @@ class Held:
         model, self.numbers = run.solver.model, run.solver.parameters.blocks
         self.nodes, self.rest, self.ws = model.blocks.nodes, run.solver.parameters.arrays.x_rest, new_workspace()
         self.law, n = self.numbers.law, len(self.nodes)
-        self.xw = run.solver._scratch.arrays.xw  # noqa: SLF001
+        self.xw = run.solver._scratch.arrays.xw
         self.memory = run.solver.committed.memory.copy()
         self.stress, self.figures, self.dissipated, self.n = np.zeros((n, N_STRESS)), np.zeros((n, 5)), 0.0, n
 
@@ -237,6 +237,7 @@ def test_every_joule_is_found() -> None:
     ],
 )
 def test_what_blocks_that_relax_cannot_do_is_refused(own: dict[str, Any], pbd: dict[str, Any], words: str) -> None:
-    asked = scene(**own).model_dump(mode="json", exclude_unset=True) | {"models": {"pbd": pbd}}
+    body = {"shape": {"kind": "block", "size": [EDGE] * 3}, "cell": EDGE / 2, "material": material(**own)}
+    data = {"softseam": 1, "name": "odd", "duration": 1.0, "body": body, "regions": {"default": "pbd"}}
     with pytest.raises(softseam.SceneRefused, match=words):
-        softseam.open(Scene.model_validate(asked))
+        softseam.open(Scene.model_validate(data | {"models": {"pbd": pbd}}))

@@ -82,15 +82,10 @@ class BlockParameters:
         place[whole.order[real]] = np.flatnonzero(real)
         lane = np.where(part.order >= 0, place[np.searchsorted(whole.ids, part.ids)][part.order], -1)
         volume = np.where(lane >= 0, self.volume.ravel()[lane], 0.0)
-        fold = (
-            np.where(
-                (lane >= 0)[:, None],
-                self.constants.fold.transpose(1, 0, 2).reshape(N_FOLD, -1)[:, lane].transpose(1, 0, 2),
-                0.0,
-            )
-            if self.branches
-            else self.constants.fold
-        )
+        fold = self.constants.fold
+        if self.branches:
+            own = np.where(lane >= 0, fold.transpose(1, 0, 2).reshape(N_FOLD, -1)[:, lane], 0.0)
+            fold = np.ascontiguousarray(own.transpose(1, 0, 2))
         if part.boxes:
             return replace(self, volume=volume, constants=Constants(self.constants.table, part.material, fold))
         own = self.constants.table.transpose(0, 2, 1).reshape(-1, self.constants.table.shape[1])
