@@ -50,8 +50,8 @@ from .block_rows import (
 from .lanes import LANES, batch_kernel, lane_kernel, move_four
 from .neo_hookean import LN_2, cofactors, solve_lane, turned_back, volumetric
 
-ROUNDS = 6755399441055744.0
-"""1.5 2^52, which leaves a whole number where it is added"""
+ROUNDS = 1.5 * 2.0**52
+"""leaves a whole number where it is added"""
 LN_2_HIGH = float.fromhex("0x1.62e42fee00000p-1")
 LN_2_LOW = float.fromhex("0x1.a39ef35793c76p-33")
 """ln 2 in two parts, the first of which loses nothing times a whole number"""
