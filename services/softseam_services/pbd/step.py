@@ -243,7 +243,8 @@ def attempt(
         *(dt, parameters.slowly, scratch.arrays.contacts.slow),
     )
     find_patches(*arrays, work.x, scratch.arrays.contacts.patch)
-    parameters.blocks.hold(work.memory, dt)
+    if not parameters.blocks.branches:  # whose kernels bring up to date what they need
+        parameters.blocks.hold(work.memory, dt)
     scratch.pair.run(
         *(n_substeps * n_sweeps, advance_step, *arrays, work, scratch.inputs, scratch.arrays, scratch.outputs),
         *(dt, n_substeps, n_sweeps),

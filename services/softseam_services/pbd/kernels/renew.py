@@ -53,11 +53,14 @@ N_COEFFICIENTS = 8
 
 
 @njit(cache=True, error_model="numpy")
-def renewed_every(parameters, h):
-    """Substeps of h [s] between two renewals; 0 where nothing relaxes."""
+def renewed_every(parameters, h, n_substeps):
+    """Substeps of h [s] between two renewals in a step of n; 0 where nothing relaxes. As even as can be, and up to a
+    quarter more than `MOST` and `parameters.renewed` say where that saves one."""
     if parameters.renewed == 0.0:
         return 0
-    return max(1, min(MOST, int(parameters.renewed / h)))
+    most = max(1, min(MOST, int(parameters.renewed / h)))
+    stretches = max(1, int(n_substeps / most + 0.75))
+    return (n_substeps + stretches - 1) // stretches
 
 
 @njit(cache=True, error_model="numpy")

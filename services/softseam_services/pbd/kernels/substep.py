@@ -165,7 +165,7 @@ def open_substep(model, parameters, state, inputs, scratch, dt, h, substep, n_su
 def renew_all(model, parameters, state, scratch, h, substep, n_substeps, team, worker, before, stretch, ws):
     """What blocks that relax remember where so many substeps of h [s] are over, and what folds it for those to come, of
     n. Returns before and stretch then."""
-    every = renewed_every(parameters, h)
+    every = renewed_every(parameters, h, n_substeps)
     if every == 0 or (substep % every > 0 and substep < n_substeps):
         return before, stretch
     elapsed = 0.0 if substep == 0 else h * ((substep - 1) % every + 1)
