@@ -118,7 +118,7 @@ def test_tofu_that_is_held_relaxes_alike_in_fem_xpbd_and_both() -> None:
     np.testing.assert_allclose(found["pbd"] / found["fem"], 1.037, atol=0.008)
     np.testing.assert_allclose(found["both"], found["fem"], rtol=3e-3)
     left = {name: two[1] / two[0] for name, two in found.items()}
-    assert left["pbd"] == pytest.approx(left["fem"], rel=6e-3) and left["fem"] < 0.88
+    assert left["pbd"] == pytest.approx(left["fem"], rel=6e-3) and left["fem"] < 0.89
 
 
 class Bonded:
