@@ -55,6 +55,8 @@ def with_model(
         return _given(scene, kind), why
     if any(material.relaxation for material in body.materials):
         return _given(scene, NEAR_DEFAULT), f"{_NONE}, and {FAR_DEFAULT} does not know body.material.relaxation"
+    if any(material.yielding for material in body.materials):
+        return _given(scene, NEAR_DEFAULT), f"{_NONE}, and {FAR_DEFAULT} does not know body.material.plasticity"
     if body.material.n_state:
         why = f"{FAR_DEFAULT} solves blocks of {body.material.kind}, which has state, one by one"
         return _given(scene, NEAR_DEFAULT), why

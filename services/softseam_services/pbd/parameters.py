@@ -106,6 +106,8 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         raise SettingError(
             "body.material.relaxation: what steadies blocks in bending does not relax in pbd: set regions.default: fem"
         )
+    if any(material.yielding for material in body.materials):
+        raise SettingError("body.material.plasticity: pbd's blocks do not yield: set regions.default: fem")
     if body.material.n_state:
         _check_memory(body.material.kind, spec)
     blocks = build_block_parameters(model.blocks, body, region, spec.hourglass)
