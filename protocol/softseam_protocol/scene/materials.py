@@ -225,9 +225,10 @@ def _dumped(spec: MaterialSpec, info: SerializationInfo) -> dict[str, Any]:
 
 
 def _as_hashed(said: dict[str, Any]) -> dict[str, Any]:
-    """In version 1 of the scene format every material says its ratio, and none that it does not relax: hashes of what
-    ships with scenes hold it so."""
-    return {"ratio": None} | {key: value for key, value in said.items() if key != "relaxation" or value}
+    """In version 1 of the scene format every material says its ratio, and none that it does not relax or yield: hashes
+    of what ships with scenes hold it so."""
+    unsaid = [key for key in ("relaxation", "plasticity") if not said.get(key)]
+    return {"ratio": None} | {key: value for key, value in said.items() if key not in unsaid}
 
 
 AnyMaterial = Annotated[MaterialSpec, _ByKind()]
