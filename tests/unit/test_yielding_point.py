@@ -69,7 +69,7 @@ def test_a_slip_is_the_root_and_the_only_one() -> None:
             def off(a: float, p: float = p, r: float = r, hardening: float = hardening) -> float:
                 A = np.cbrt((1.0 + a) ** 3 + a * p + a * a * r)
                 slope = (A - 1.0) / a**2 - (1.0 + a) ** 2 / (a * A * A) - (p + 2.0 * a * r) / (3.0 * a * A * A)
-                return slope - (strength / (1.0 - a * hardening / (3.0 * mu))) ** 2 / (9.0 * mu * mu)
+                return float(slope - (strength / (1.0 - a * hardening / (3.0 * mu))) ** 2 / (9.0 * mu * mu))
 
             a, sigma, curvature = plasticity.slip(p, r, mu, strength, hardening)
             if a == 0.0:

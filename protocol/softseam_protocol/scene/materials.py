@@ -36,7 +36,7 @@ class BranchSpec(Spec):
 
 
 MOST_BRANCHES = 6
-MOST_BESIDE_A_SLIDER = 4
+MOST_BESIDE_A_SLIDER = MOST_BRANCHES - 2
 
 
 class PlasticitySpec(Spec):

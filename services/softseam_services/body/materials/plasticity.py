@@ -21,8 +21,6 @@ from softseam_services.jit import njit
 
 MOST_ITERATIONS = 60
 """of Newton's method in a bracket, which halves where Newton leaves it"""
-SAME = 1e-14
-"""relative: slips that differ by less are the same"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -50,7 +48,7 @@ def slip(p, r, mu, strength, hardening):
         else:
             high = a
         further = -off / curvature if curvature > 0.0 else np.inf
-        if abs(further) <= SAME * a:
+        if abs(further) <= 1e-14 * a:  # rounding
             break
         a += further
         if not low < a < high:

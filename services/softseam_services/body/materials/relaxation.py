@@ -33,7 +33,7 @@ from softseam_services.jit import njit
 SIX = 6
 BRANCHES = 4
 """place in a law's parameters of mu [Pa] and tau [s] of the first branch; those of the elastic law are before it"""
-YIELDS = 14
+YIELDS = BRANCHES + 2 * 5
 """place of the stress at which the slider yields, and of how it hardens [Pa]; its branch's tau is 0"""
 MU, KEEP, START, END, YIELD, HARDENING, COLUMNS = 0, 1, 2, 3, 4, 5, 6
 """columns of what a branch does in a step: mu [Pa], the coefficients of eq. (2), and those of a slider [Pa] or 0"""
