@@ -23,6 +23,11 @@ CASES = json.loads(Path(__file__).with_name("relaxation_cases.json").read_text()
 mu, K and TWO squeezed by 25 % in .4 s and held; of ALL squeezed by 20 % at rates"""
 
 
+YIELDING_CASES = json.loads(Path(__file__).with_name("yielding_cases.json").read_text())
+"""by roots of one equation a leg of its way, of bars whose sides are free: nominal stress along it [Pa] and equivalent
+plastic strain at five stretches a leg"""
+
+
 def said(branches: Sequence[tuple[float, float]]) -> list[dict[str, float]]:
     """As a scene has them."""
     return [{"share": share, "time": time} for share, time in branches]
@@ -32,7 +37,9 @@ class Point:
     """A point of the material, from rest on."""
 
     def __init__(self, branches: Sequence[tuple[float, float]], kind: str = "neo_hookean", **own: Any) -> None:
-        values = {"kind": kind, "young": YOUNG, "poisson": POISSON, "density": 1e3, "relaxation": said(branches)}
+        values: dict[str, Any] = {"kind": kind, "young": YOUNG, "poisson": POISSON, "density": 1e3}
+        if branches:
+            values["relaxation"] = said(branches)
         spec = material_spec(values | own)
         self.material = build_material(spec)
         self.state = np.zeros(self.material.n_state)
@@ -51,10 +58,15 @@ class Point:
         self.stored, lost, P, _, self.state = self.respond(F, dt)
         self.dissipated += lost
         assert lost >= 0.0
-        for own in self.state.reshape(-1, 6)[1:]:
+        for own in self.state[6 : len(self.state) // 6 * 6].reshape(-1, 6):
             x, y, z, s, t, u = own
             assert np.linalg.det([[1.0 + x, u, t], [u, 1.0 + y, s], [t, s, 1.0 + z]]) == pytest.approx(1.0, abs=1e-10)
         return P
+
+    @property
+    def slipped(self) -> float:
+        """Equivalent plastic strain."""
+        return float(self.state[-1])
 
     def pull(self, stretch: float, dt: float) -> float:
         """Nominal stress along z with the sides free."""

@@ -19,8 +19,13 @@ from softseam.variants import Model
 from softseam.view.colors import stress_colors
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENES: dict[str, Model | None] = {"tofu_grasp": "hybrid", "calamari": None, "stiff_inclusion": "hybrid"}
-IN_FULL = ("stiff_inclusion",)
+SCENES: dict[str, Model | None] = {
+    "tofu_grasp": "hybrid",
+    "calamari": None,
+    "stiff_inclusion": "hybrid",
+    "sausage_bent": None,
+}
+IN_FULL = ("stiff_inclusion", "sausage_bent")
 """kept in all their colours: stress that varies little would show bands"""
 WIDTH = 1200
 """[pixels]"""

@@ -23,7 +23,16 @@ from softseam_services.server import build_setup
 from softseam_services.tools.build import build_tools
 
 SCENES = Path(__file__).parents[2] / "scenes"
-CELLS = ["calamari", "cantilever", "dumpling", "heavy_on_soft", "sausage", "sausage_bend", "silken_tofu"]
+CELLS = [
+    "calamari",
+    "cantilever",
+    "dumpling",
+    "heavy_on_soft",
+    "sausage",
+    "sausage_bend",
+    "sausage_bent",
+    "silken_tofu",
+]
 CELLS += [
     "stiff_inclusion",
     "tofu_drop",

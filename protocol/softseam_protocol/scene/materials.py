@@ -36,6 +36,23 @@ class BranchSpec(Spec):
 
 
 MOST_BRANCHES = 6
+MOST_BESIDE_A_SLIDER = MOST_BRANCHES - 2
+
+
+class PlasticitySpec(Spec):
+    """A part of the stress that yields: a spring in series with a slider, so that a dent stays."""
+
+    yield_stress: Positive = Field(description="von Mises stress at which a quick load first leaves a dent [Pa]")
+    share: float = Field(
+        default=1.0,
+        gt=0.0,
+        le=1.0,
+        description="share of the shear modulus that yields; what lasts beside it pulls back, and is kinematic "
+        "hardening [1]",
+    )
+    hardening: NonNegative = Field(
+        default=0.0, description="by how much the part that yields grows stronger over its plastic strain [Pa]"
+    )
 
 
 class MaterialSpec(Spec):
@@ -59,22 +76,29 @@ class MaterialSpec(Spec):
         "load feels, the bulk modulus stays, and of the shear modulus lasts what is left of one",
     )
 
+    plasticity: PlasticitySpec | None = Field(
+        default=None, description="part of the stress that yields, by von Mises, so that a dent stays"
+    )
+
     @model_validator(mode="after")
-    def _fades(self) -> Self:
-        if not self.relaxation:
+    def _fades_and_yields(self) -> Self:
+        key = "relaxation" if self.relaxation else "plasticity"
+        shares = [branch.share for branch in self.relaxation]
+        if self.plasticity:
+            shares.append(self.plasticity.share)
+        if not shares:
             return self
-        shares = math.fsum(branch.share for branch in self.relaxation)
-        if round(shares, 9) > 1.0:
+        if round(math.fsum(shares), 9) > 1.0:
             raise wrong(
-                f"shares of {', '.join(f'{branch.share:g}' for branch in self.relaxation)} are {shares:g} of the shear "
+                f"shares of {', '.join(f'{share:g}' for share in shares)} are {math.fsum(shares):g} of the shear "
                 "modulus: all of them are 1 at most, and what is left lasts",
-                "relaxation",
+                key,
             )
+        if self.plasticity and len(self.relaxation) > MOST_BESIDE_A_SLIDER:
+            raise wrong(f"{MOST_BESIDE_A_SLIDER} branches at most beside plasticity", key)
         if self.kind == "linear":
-            raise wrong(
-                "linear knows small strains only, branches that relax know turns: use neo_hookean", "relaxation"
-            )
-        if self.retardation_time > 0.0:
+            raise wrong("linear knows small strains only, what relaxes or yields knows turns: use neo_hookean", key)
+        if self.retardation_time > 0.0 and self.relaxation:
             raise wrong(
                 "retardation_time and relaxation are two viscosities of one body: say one, retardation_time for what "
                 "merely stops ringing",
@@ -201,9 +225,10 @@ def _dumped(spec: MaterialSpec, info: SerializationInfo) -> dict[str, Any]:
 
 
 def _as_hashed(said: dict[str, Any]) -> dict[str, Any]:
-    """In version 1 of the scene format every material says its ratio, and none that it does not relax: hashes of what
-    ships with scenes hold it so."""
-    return {"ratio": None} | {key: value for key, value in said.items() if key != "relaxation" or value}
+    """In version 1 of the scene format every material says its ratio, and none that it does not relax or yield: hashes
+    of what ships with scenes hold it so."""
+    unsaid = [key for key in ("relaxation", "plasticity") if not said.get(key)]
+    return {"ratio": None} | {key: value for key, value in said.items() if key not in unsaid}
 
 
 AnyMaterial = Annotated[MaterialSpec, _ByKind()]

@@ -57,6 +57,8 @@ class Material:
     """of a law with state, whose `number` is 0, as of `materials.with_state`"""
     relaxation: tuple[tuple[float, float], ...] = ()
     """share of mu that fades [1], and the time in which it does [s], of each branch"""
+    yielding: float = 0.0
+    """share of mu that yields [1]"""
 
     @property
     def elastic(self) -> ElasticConstants:
@@ -66,7 +68,7 @@ class Material:
     @property
     def lasting(self) -> ElasticConstants:
         """Of a load that is held for long."""
-        return self.elastic.relaxed(sum(share for share, _ in self.relaxation))
+        return self.elastic.relaxed(self.yielding + sum(share for share, _ in self.relaxation))
 
     @property
     def steadying(self) -> float:

@@ -237,10 +237,11 @@ STEADY_IN_BENDING = ("hex8", "hex8_reduced")
 def check_internal_variables(body: Body, spec: FemSpec) -> None:
     """Raise SettingError, with its key and the remedy, for a body whose material has state."""
     kind = body.material.kind
-    if spec.element in STEADY_IN_BENDING and any(material.relaxation for material in body.materials):
-        raise SettingError(
-            f"models.fem.element: {spec.element} bends by what steadies it, which does not relax: use hex27"
-        )
+    for does, has in (("relax", "relaxation"), ("yield", "yielding")):
+        if spec.element in STEADY_IN_BENDING and any(getattr(material, has) for material in body.materials):
+            raise SettingError(
+                f"models.fem.element: {spec.element} bends by what steadies it, which does not {does}: use hex27"
+            )
     if spec.integrator not in INTEGRATORS:
         use = " or ".join(INTEGRATORS)
         raise SettingError(f"models.fem.integrator: {spec.integrator} does not know the state of {kind}: use {use}")

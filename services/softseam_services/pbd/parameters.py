@@ -105,6 +105,8 @@ def with_damping_of(body: Body, spec: PbdSpec) -> PbdSpec:
 def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet, spec: PbdSpec) -> PbdParameters:
     """The numbers of a region of the model's structure. Raises SettingError for what blocks with state cannot do."""
     spec = with_damping_of(body, spec)
+    if any(material.yielding for material in body.materials):
+        raise SettingError("body.material.plasticity: pbd's blocks do not yield: set regions.default: fem")
     if body.material.n_state:
         _check_memory(body, spec)
     blocks = build_block_parameters(model.blocks, body, region, spec.hourglass)

@@ -12,7 +12,7 @@ from softseam_services.body.elastic_constants import ElasticConstants
 from softseam_services.body.errors import LawError
 from softseam_services.body.materials import point
 from softseam_services.body.materials.law import Law
-from softseam_services.body.materials.relaxation import BRANCHES, SIX
+from softseam_services.body.materials.relaxation import BRANCHES, SIX, YIELDS
 
 __all__ = ["LAWS", "Law", "LawError", "build_material", "build_materials"]
 
@@ -47,15 +47,26 @@ def build_material(spec: MaterialSpec) -> Material:
 
 
 def build_materials(specs: Iterable[MaterialSpec]) -> tuple[Material, ...]:
-    """The same of one body's, all of which remember as many numbers as the one with most branches that relax."""
+    """The same of one body's, all of which remember as many numbers as the one with most branches."""
     materials = [_built(spec) for spec in specs]
-    most = max(len(material.relaxation) for material in materials)
+    most, yields = max(map(_branches, materials)), any(material.yielding for material in materials)
     if not most:
         return tuple(materials)
     return tuple(
-        replace(each, n_state=SIX * (1 + most), respond=each.respond or -each.number, number=0, splits=_splits(each))
+        replace(
+            each,
+            n_state=SIX * (1 + most) + yields,
+            respond=each.respond or -each.number,
+            number=0,
+            splits=_splits(each),
+        )
         for each in materials
     )
+
+
+def _branches(material: Material) -> int:
+    """Of springs that relax or yield."""
+    return len(material.relaxation) + bool(material.yielding)
 
 
 def _splits(material: Material) -> bool:
@@ -66,22 +77,31 @@ def _splits(material: Material) -> bool:
 def _built(spec: MaterialSpec) -> Material:
     elastic = ElasticConstants.from_young_poisson(spec.young, spec.poisson)
     law, branches = LAWS[spec.kind], tuple((branch.share, branch.time) for branch in spec.relaxation)
-    if branches and law.state:
-        raise LawError(f"{spec.kind} has state of its own: leave body.material.relaxation out")
-    lasting = elastic.relaxed(sum(share for share, _ in branches))
+    slider = spec.plasticity
+    if (branches or slider) and law.state:
+        key = "relaxation" if branches else "plasticity"
+        raise LawError(f"{spec.kind} has state of its own: leave body.material.{key} out")
+    yielding = slider.share if slider else 0.0
+    lasting = elastic.relaxed(yielding + sum(share for share, _ in branches))
+    parameters = _with_branches(law.packed(spec, lasting), [(elastic.mu * share, time) for share, time in branches])
+    if slider:
+        at = BRANCHES + 2 * len(branches)
+        parameters[at : at + 2] = elastic.mu * yielding, 0.0
+        parameters[YIELDS:] = yielding * slider.yield_stress, slider.hardening
     return Material(
         kind=spec.kind,
         mu=elastic.mu,
         lambda_=elastic.lambda_,
         density=spec.density,
         number=law.number,
-        parameters=_with_branches(law.packed(spec, lasting), [(elastic.mu * share, time) for share, time in branches]),
+        parameters=parameters,
         splits=law.splits,
         small=law.small,
         retardation_time=spec.retardation_time,
         n_state=law.state,
         respond=law.address,
         relaxation=branches,
+        yielding=yielding,
     )
 
 

@@ -19,20 +19,24 @@ exact in small strains, and where the strain is held. Products of q are those of
 
 Form (2) of the evolution is the integral of Reese and Govindjee's equation (Int. J. Solids Struct. 35, 3455, 1998) for
 a straight way, made unimodular; it keeps the limit mu tau D of a step that is long beside tau. State of an octant:
-C_bar - I of the last step's end, then C_i - I of each branch, six numbers each, xx yy zz yz xz xy. Where the volume
-ratio is below J_MIN of the elastic law, g and 1/J stay what they are there.
+C_bar - I of the last step's end, then C_i - I of each branch, six numbers each, xx yy zz yz xz xy. One branch may have
+a slider in its dashpot's place, whose k and m are of how far it slips (`plasticity`); its plastic strain is the last
+number. Where the volume ratio is below J_MIN of the elastic law, g and 1/J stay what they are there.
 """
 
 import numpy as np
 
+from softseam_services.body.materials import plasticity
 from softseam_services.body.materials.neo_hookean import J_MIN
 from softseam_services.jit import njit
 
 SIX = 6
 BRANCHES = 4
 """place in a law's parameters of mu [Pa] and tau [s] of the first branch; those of the elastic law are before it"""
-MU, KEEP, START, END = 0, 1, 2, 3
-"""columns of what a branch does in a step: mu [Pa], and the coefficients of eq. (2)"""
+YIELDS = BRANCHES + 2 * 5
+"""place of the stress at which the slider yields, and of how it hardens [Pa]; its branch's tau is 0"""
+MU, KEEP, START, END, YIELD, HARDENING, COLUMNS = 0, 1, 2, 3, 4, 5, 6
+"""columns of what a branch does in a step: mu [Pa], the coefficients of eq. (2), and those of a slider [Pa] or 0"""
 BAR, INVERSE, FACING, CROSSED, STRESS, VISCOUS, SIDE, SIZE = 0, 6, 12, 18, 24, 30, 36, 42
 """places in a workspace: C_bar - I, C^-1, M, N, S, C_i - I, and what C^-1 is multiplied with"""
 I_OF, J_OF = (0, 1, 2, 1, 0, 0), (0, 1, 2, 2, 2, 1)
@@ -53,11 +57,13 @@ def coefficients(dt, time):
 
 @njit(cache=True, error_model="numpy")
 def write_step(parameters, dt, step):
-    """step (n, 4) <- what the first n branches of a law with these parameters do in a step of dt [s]."""
+    """step (n, COLUMNS) <- what the first n branches of a law with these parameters do in a step of dt [s]."""
     for n in range(len(step)):
         mu, time = parameters[BRANCHES + 2 * n], parameters[BRANCHES + 2 * n + 1]
         step[n, MU] = mu
-        step[n, KEEP], step[n, START], step[n, END] = coefficients(dt, time) if mu > 0.0 else (1.0, 0.0, 0.0)
+        step[n, KEEP], step[n, START], step[n, END] = coefficients(dt, time) if time > 0.0 else (1.0, 0.0, 0.0)
+        slides = mu > 0.0 and time == 0.0 and dt > 0.0
+        step[n, YIELD], step[n, HARDENING] = (parameters[YIELDS], parameters[YIELDS + 1]) if slides else (0.0, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -124,6 +130,21 @@ def _unimodular(w, keep, start, end, state, branch):
 
 
 @njit(cache=True, error_model="numpy")
+def _moved(w, g, step, state, branch):
+    """Eq. (2) of a branch, M and C_i - I into the workspace: D^(-1/3) and 1 - m; and of a slider (1) to (3) of
+    `plasticity`: its slip, sigma [Pa] and the curvature there [Pa], else 0, 0 and 1."""
+    keep, start, end = step[branch, KEEP], step[branch, START], step[branch, END]
+    a, sigma, curvature = 0.0, 0.0, 1.0
+    if step[branch, YIELD] > 0.0:
+        _unimodular(w, 1.0, 0.0, 0.0, state, branch)
+        p, r = contracted(w, BAR, FACING) - 3.0, contracted(w, VISCOUS, INVERSE) / g - 3.0
+        strength = step[branch, YIELD] + step[branch, HARDENING] * state[len(state) - 1]
+        a, sigma, curvature = plasticity.slip(p, r, step[branch, MU], strength, step[branch, HARDENING])
+        keep, end = 1.0 / (1.0 + a), a / (1.0 + a)
+    return _unimodular(w, keep, start, end, state, branch), end, a, sigma, curvature
+
+
+@njit(cache=True, error_model="numpy")
 def contracted(w, one, other):
     """(I + X) : Y of the symmetric X and Y in the workspace."""
     total = w[other] + w[other + 1] + w[other + 2]
@@ -142,7 +163,7 @@ def write_stress(w, g, step, state):
         mu = step[branch, MU]
         if mu == 0.0:
             continue
-        _unimodular(w, step[branch, KEEP], step[branch, START], step[branch, END], state, branch)
+        _moved(w, g, step, state, branch)
         a = contracted(w, BAR, FACING)
         stored += 0.5 * mu * (a - 3.0)
         pressure += mu * a / 3.0
@@ -222,10 +243,11 @@ def write_stiffness(w, g, step, state, weight, definite, D):
     side = w[SIDE : SIDE + SIX]
     side[:] = 0.0
     for branch in range(len(step)):
-        mu, end = weight * step[branch, MU], step[branch, END]
+        mu = weight * step[branch, MU]
         if mu == 0.0:
             continue
-        c = end * _unimodular(w, step[branch, KEEP], step[branch, START], end, state, branch)
+        y, end, slipped, _, curvature = _moved(w, g, step, state, branch)
+        c = end * y
         a = contracted(w, BAR, FACING)
         pressure += mu * a / 3.0
         for n in range(SIX):
@@ -243,6 +265,12 @@ def write_stiffness(w, g, step, state, weight, definite, D):
         _add_products(w, FACING, outer / 3.0, -outer, D)
         for n in range(SIX):
             side[n] += of_n * w[CROSSED + n] - of_m * w[FACING + n]
+        if slipped > 0.0:
+            s = step[branch, MU] * y / (1.0 + slipped)
+            of_c = (a * a / 3.0 - b) / 3.0
+            for n in range(SIX):
+                w[CROSSED + n] = s * (g * (a / 3.0 * w[FACING + n] - w[CROSSED + n]) - of_c * w[INVERSE + n])
+            _add_products(w, CROSSED, -weight / curvature, 0.0, D)
     _add_products(w, INVERSE, both, alone, D)
     for n in range(SIX):
         w[STRESS + n] -= pressure * w[INVERSE + n]
@@ -291,10 +319,11 @@ def add_tangent(F, at, w, half, geometric, A):
 
 
 @njit(cache=True, error_model="numpy")
-def advance(w, step, parameters, dt, state, following):
+def advance(w, g, step, parameters, dt, state, following):
     """The state that follows on `state` in a step of dt [s], where `strain` came before; returns what the branches
-    store then, and what they dissipated in the step by eq. (5) [Pa]."""
+    store then, and what they dissipated in the step by eq. (5), or as they slipped [Pa]."""
     stored = dissipated = 0.0
+    following[len(state) - 1] = state[len(state) - 1]
     for n in range(SIX):
         following[n] = w[BAR + n] if dt > 0.0 else state[n]
     start, dev0, dev1 = np.empty(SIZE), np.empty((3, 3)), np.empty((3, 3))
@@ -303,13 +332,18 @@ def advance(w, step, parameters, dt, state, following):
         if mu == 0.0:
             following[at : at + SIX] = 0.0
             continue
-        keep = step[branch, KEEP]
-        _unimodular(w, keep, step[branch, START], step[branch, END], state, branch)
+        _, _, slipped, sigma, _ = _moved(w, g, step, state, branch)
         for n in range(SIX):
             following[at + n] = w[VISCOUS + n] if dt > 0.0 else state[at + n]
         stored += 0.5 * mu * (contracted(w, BAR, FACING) - 3.0)
         if dt == 0.0:
             continue
+        if step[branch, YIELD] > 0.0:
+            more = slipped * sigma / (3.0 * mu)
+            following[len(state) - 1] += more
+            dissipated += sigma * more
+            continue
+        keep = step[branch, KEEP]
         _elastic_strain(w, w, dev1)
         start[BAR : BAR + SIX] = state[:SIX]
         _unimodular(start, 1.0, 0.0, 0.0, state, branch)

@@ -1,7 +1,7 @@
 """What a law with state does at a point: one of softseam's own, which the compiler puts in line, or an extension's.
 
 A law is known by a number: of one from outside the address of its `respond`; minus that of an elastic law in `point`
-where branches that relax are beside it (`relaxation`). Other parts of a law that remember, such as a slider or damage,
+where branches that relax or yield are beside it (`relaxation`). Other parts of a law that remember, such as damage,
 have their place here.
 """
 
@@ -22,7 +22,7 @@ def respond(law, F, state, dt, parameters, P, A, following, definite):
     if law > 0:
         return _call_respond(law, len(following), F, state, dt, parameters, P, A, following)
     w, D, half = np.empty(relaxation.SIZE), np.empty((6, 6)), np.empty((6, 9))
-    step = np.empty((len(state) // relaxation.SIX - 1, 4))
+    step = np.empty((len(state) // relaxation.SIX - 1, relaxation.COLUMNS))
     relaxation.write_step(parameters, dt, step)
     stress(-law, parameters, F, P)
     tangent(-law, parameters, F, A, definite)
@@ -31,7 +31,7 @@ def respond(law, F, state, dt, parameters, P, A, following, definite):
     relaxation.add_stress(F, 0, 1.0, w, P)
     relaxation.write_half(F, 0, D, half)
     relaxation.add_tangent(F, 0, w, half, not definite, A)
-    stored, dissipated = relaxation.advance(w, step, parameters, dt, state, following)
+    stored, dissipated = relaxation.advance(w, g, step, parameters, dt, state, following)
     return energy(-law, parameters, F) + stored, dissipated
 
 
@@ -42,7 +42,7 @@ def stress_at_end(law, F, state, dt, parameters, P, A, following):
         _call_respond(law, len(following), F, state, dt, parameters, P, A, following)
         return
     w = np.empty(relaxation.SIZE)
-    step = np.empty((len(state) // relaxation.SIX - 1, 4))
+    step = np.empty((len(state) // relaxation.SIX - 1, relaxation.COLUMNS))
     relaxation.write_step(parameters, dt, step)
     stress(-law, parameters, F, P)
     g = relaxation.strain(F, 0, w)

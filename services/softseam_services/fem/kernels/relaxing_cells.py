@@ -22,8 +22,8 @@ SIZE = relaxation.SIZE
 
 @njit(cache=True, error_model="numpy")
 def steps_of(model, parameters, work):
-    """What each branch of each material does in the step (m, n, 4)."""
-    steps = np.empty((len(parameters.law), max(0, model.n_state // relaxation.SIX - 1), 4))
+    """What each branch of each material does in the step (m, n, COLUMNS)."""
+    steps = np.empty((len(parameters.law), max(0, model.n_state // relaxation.SIX - 1), relaxation.COLUMNS))
     for material in range(len(steps)):
         relaxation.write_step(parameters.law[material], work.material_dt[0], steps[material])
     return steps
@@ -150,9 +150,9 @@ def remember(model, parameters, work, end):
     for cell in range(len(model.cell_nodes)):
         for q in range(8):
             material = parameters.material[cell, q]
-            relaxation.strain(work.F[cell], 3 * q, w)
+            g = relaxation.strain(work.F[cell], 3 * q, w)
             _, dissipated = relaxation.advance(
-                w, steps[material], parameters.law[material], dt, work.material_state[cell, q], end[cell, q]
+                w, g, steps[material], parameters.law[material], dt, work.material_state[cell, q], end[cell, q]
             )
             lost += parameters.weight[cell, q] * dissipated
     return lost
