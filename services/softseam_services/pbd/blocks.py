@@ -173,12 +173,12 @@ def to_blocks(blocks: Blocks, coarse: Mask, internal: Floats, memory: Floats) ->
         ]
 
 
-def to_octants(blocks: Blocks, coarse: Mask, memory: Floats, n: int) -> Floats:
+def to_octants(blocks: Blocks, coarse: Mask, memory: Floats) -> Floats:
     """The way back (c, 8, n): each octant has what its block remembers, an empty one zeros."""
     if not memory.size:
         return np.zeros((0, 8, 0))
-    internal = np.zeros((len(coarse), 8, n))
+    internal = np.zeros((len(coarse), 8, memory.shape[1]))
     real = blocks.octant >= 0
-    internal[blocks.octant[real] // 8, blocks.octant[real] % 8] = memory.transpose(0, 2, 1)[real, :n]
+    internal[blocks.octant[real] // 8, blocks.octant[real] % 8] = memory.transpose(0, 2, 1)[real]
     internal[coarse] = internal[coarse, :1]
     return internal
