@@ -61,9 +61,10 @@ class Proof:
     deaths: Mapping[int, str] = field(default_factory=dict)
 
 
-def held() -> Scene:
+def held(model: str) -> Scene:
     """softseam's own law with state, which takes no row from outside."""
-    return scene_from_bundle(load_scene(Path(__file__).parents[2] / "scenes" / "tofu_held.yaml").bundle)
+    kept = scene_from_bundle(load_scene(Path(__file__).parents[2] / "scenes" / "tofu_held.yaml").bundle)
+    return Scene.model_validate(kept.model_dump(mode="json", exclude_unset=True) | {"regions": {"default": model}})
 
 
 UP = test_rung.UP
@@ -72,7 +73,8 @@ PROOFS = {
     "interface": Proof(partial(test_interface.scene, ("fem", "pbd"), 0.1), 20, 10, {22: "pbd"}),
     "contact law": Proof(partial(test_contact_law.scene, ("fem", "pbd"), 0.3), 10, 10, {12: "fem"}),
     "sleep": Proof(partial(test_sleep.scene, "fem", sleep=True), 20, 70, {30: "fem"}),
-    "what relaxes": Proof(held, 20, 10, {22: "fem"}),
+    "what relaxes": Proof(partial(held, "fem"), 20, 10, {22: "fem"}),
+    "what relaxes in blocks": Proof(partial(held, "pbd"), 20, 10, {22: "pbd"}),
     "law in parts": Proof(partial(test_law_in_every_solver.scene, "cut"), 20, 10, {15: "fem"}),
     "law that changes its solver": Proof(partial(test_law_in_every_solver.scene, "switched"), 210, 90),
     "model": Proof(test_model_with_a_service.scene, 10, 10, {12: "springs"}),
@@ -147,7 +149,7 @@ def test_it_is_the_run_in_one_process(services: Services, name: str) -> None:
     np.testing.assert_equal(again, after)
 
 
-@pytest.mark.parametrize("name", ["what relaxes", "model", "grains", "grains of the model"])
+@pytest.mark.parametrize("name", ["what relaxes", "what relaxes in blocks", "model", "grains", "grains of the model"])
 def test_it_is_recorded_drawn_and_replayed(services: Services, tmp_path: Path, name: str) -> None:
     """The recorder's file of some steps, simulated again in this process."""
     with softseam.open(PROOFS[name].scene(), connect=services.where, record=True) as sim:

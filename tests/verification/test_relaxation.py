@@ -292,12 +292,6 @@ def test_elements_whose_bending_would_not_relax_are_refused(element: str) -> Non
         softseam.open(scene().model_copy(update={"models": Scene.model_validate(_models(element)).models}))
 
 
-@pytest.mark.parametrize("regions", [{"default": "pbd"}, {"default": "pbd", "near": LOWER}])
-def test_blocks_that_would_not_relax_in_bending_are_refused(regions: dict[str, Any]) -> None:
-    with pytest.raises(softseam.SceneRefused, match=r"does not relax in pbd: set regions\.default: fem"):
-        softseam.open(scene(regions=regions))
-
-
 @pytest.mark.parametrize(
     ("branches", "words"),
     [

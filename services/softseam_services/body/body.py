@@ -159,6 +159,11 @@ class Body:
         return self.materials[0]
 
     @property
+    def relaxes(self) -> bool:
+        """Whether branches that relax are beside the law of any of its materials."""
+        return any(material.relaxation for material in self.materials)
+
+    @property
     def cut(self) -> bool:
         """Whether its surface runs through cells: then their nodes may be outside, and do not bound it."""
         return len(self.moments) > 0

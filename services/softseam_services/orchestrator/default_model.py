@@ -53,11 +53,12 @@ def with_model(
     if implied is not None:
         kind, why = implied
         return _given(scene, kind), why
-    if any(material.relaxation for material in body.materials):
-        return _given(scene, NEAR_DEFAULT), f"{_NONE}, and {FAR_DEFAULT} does not know body.material.relaxation"
+    if body.relaxes and not body.material.splits:
+        why = f"{_NONE}, and {FAR_DEFAULT} does not know body.material.relaxation beside {body.material.kind}"
+        return _given(scene, NEAR_DEFAULT), why
     if any(material.yielding for material in body.materials):
         return _given(scene, NEAR_DEFAULT), f"{_NONE}, and {FAR_DEFAULT} does not know body.material.plasticity"
-    if body.material.n_state:
+    if body.material.n_state and not body.relaxes:
         why = f"{FAR_DEFAULT} solves blocks of {body.material.kind}, which has state, one by one"
         return _given(scene, NEAR_DEFAULT), why
     one, other = NEAR_DEFAULT, FAR_DEFAULT

@@ -43,7 +43,7 @@ def cell_layout(body: Body, region: Region) -> CellLayout:
         filled=body.fill[cells] > 0.0,
         material=body.octant_material[cells],
         parity=body.cell_grid[cells] & 1,
-        boxes=body.boxes and not body.material.n_state,
+        boxes=body.boxes and (body.relaxes or not body.material.n_state),
     )
 
 
@@ -163,12 +163,14 @@ Mask = NDArray[np.bool_]
 
 
 def to_blocks(blocks: Blocks, coarse: Mask, internal: Floats, memory: Floats) -> None:
-    """memory (b, n, 4) of the batches' blocks <- the octants' internal (c, 8, n); of a cell that is one block, which
-    coarse (c,) says, their mean."""
+    """memory (b, r, 4) of the batches' blocks, its first n numbers <- the octants' internal (c, 8, n); of a cell that
+    is one block, which coarse (c,) says, their mean."""
     if memory.size:
         internal = np.where(coarse[:, None, None], internal.mean(axis=1, keepdims=True), internal)
         real = blocks.octant >= 0
-        memory.transpose(0, 2, 1)[real] = internal[blocks.octant[real] // 8, blocks.octant[real] % 8]
+        memory.transpose(0, 2, 1)[real, : internal.shape[2]] = internal[
+            blocks.octant[real] // 8, blocks.octant[real] % 8
+        ]
 
 
 def to_octants(blocks: Blocks, coarse: Mask, memory: Floats) -> Floats:

@@ -201,6 +201,7 @@ class SeamProbe:
         if parameters.blocks.n_state:
             own = parameters.blocks.only(self._model.blocks, self._blocks).constants
             self._numbers.constants.table[:] = own.table
+            self._numbers.constants.fold[:] = own.fold
         for bench in self._benches:
             np.take(self._patch, self._used, axis=0, out=bench.scratch.contacts.patch)
             np.take(x, self.ids, axis=0, out=bench.start.x)

@@ -64,7 +64,7 @@ class FieldReader:
             contact_tool=tool,
             cell_energy=energy,
             model_error=self._model_error(parameters, state, force, own) if indicators else np.zeros(0),
-            internal=to_octants(blocks, model.levels.coarse, state.memory),
+            internal=to_octants(blocks, model.levels.coarse, state.memory[:, : self._body.material.n_state]),
         )
 
     def _gathering(self, parameters: PbdParameters) -> Gathering:

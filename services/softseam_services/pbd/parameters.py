@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from softseam_protocol.scene.models import PbdSpec
 from softseam_services.body.body import Body, Floats, Region
 from softseam_services.body.errors import SettingError
+from softseam_services.body.materials.point import RELAXING
 from softseam_services.tools.edged import PATCHES, with_round_edges
 from softseam_services.tools.tool_set import ToolSet
 
@@ -27,6 +28,8 @@ from .stability import EXPLICIT, EXPLICIT_LIMIT, KAPPA, SHOWN, STABLE, TOUCHED, 
 
 SHORT = 0.25
 """of the thickness of walls: who goes no farther in a substep has not passed one [1]"""
+RENEWED = 0.1
+"""of the shortest time of a branch: how long what folds branches does [1]"""
 MARGIN = 0.1
 """points within this many block edges of a tool, and what speeds add to it, are tried for contact"""
 
@@ -102,14 +105,10 @@ def with_damping_of(body: Body, spec: PbdSpec) -> PbdSpec:
 def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet, spec: PbdSpec) -> PbdParameters:
     """The numbers of a region of the model's structure. Raises SettingError for what blocks with state cannot do."""
     spec = with_damping_of(body, spec)
-    if any(material.relaxation for material in body.materials):
-        raise SettingError(
-            "body.material.relaxation: what steadies blocks in bending does not relax in pbd: set regions.default: fem"
-        )
     if any(material.yielding for material in body.materials):
         raise SettingError("body.material.plasticity: pbd's blocks do not yield: set regions.default: fem")
     if body.material.n_state:
-        _check_memory(body.material.kind, spec)
+        _check_memory(body, spec)
     blocks = build_block_parameters(model.blocks, body, region, spec.hourglass)
     mass = model.levels.gathered(region.mass)
     inverse_mass = np.zeros(len(region.nodes))
@@ -137,6 +136,7 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         constants=viscous.constants,
         law=blocks.law,
         kappa=KAPPA,
+        renewed=RENEWED * min((time for each in body.materials for _, time in each.relaxation), default=0.0),
         weight=weight,
         tilt=np.stack(tilt, axis=1),
         point_softness=np.add.reduceat(weight**2 * inverse_mass[model.node], model.indptr[:-1])
@@ -172,14 +172,19 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
     )
 
 
-def _check_memory(kind: str, spec: PbdSpec) -> None:
-    """Raise SettingError, with its key and the remedy, for what a material with state of this kind cannot do."""
-    if spec.method == "leapfrog":
-        raise SettingError(f"models.pbd.method: leapfrog does not know the state of {kind}: use xpbd")
-    if spec.damping.stiffness > 0.0:
+def _check_memory(body: Body, spec: PbdSpec) -> None:
+    """Raise SettingError, with its key and the remedy, for what a body whose material has state cannot do."""
+    kind = body.material.kind
+    if body.relaxes and body.material.respond != RELAXING:
         raise SettingError(
-            f"models.pbd.damping.stiffness, and a retardation_time, do not know the state of {kind}: leave them out"
+            f"body.material.relaxation: pbd knows it beside neo_hookean, this is {kind}: use that, or set "
+            "regions.default: fem"
         )
+    what = "body.material.relaxation" if body.relaxes else f"the state of {kind}"
+    if spec.method == "leapfrog":
+        raise SettingError(f"models.pbd.method: leapfrog does not know {what}: use xpbd")
+    if spec.damping.stiffness > 0.0:
+        raise SettingError(f"models.pbd.damping.stiffness, and a retardation_time, do not know {what}: leave them out")
 
 
 def block_softness(nodes: NDArray[np.int32], inverse_mass: Floats) -> Floats:

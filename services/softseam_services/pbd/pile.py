@@ -69,6 +69,7 @@ class PileSolver:
         self.pieces = self._all.each
         """in the order of the bodies"""
         self._cut = [number for number, piece in enumerate(self.pieces) if piece.body.cut]
+        self._relaxing = [number for number, piece in enumerate(self.pieces) if piece.parameters.blocks.branches]
         self._n_tools = self.pieces[0].model.n_tools
         self._now = 0  # which of each piece's states is committed
         self._tentative = False
@@ -144,6 +145,8 @@ class PileSolver:
                 *(self._guests.patches, self._guests.arrays, self._all.xw, self._inputs, request.dt, *working),
             )
         dissipated = np.zeros(len(self.pieces))
+        for number in np.intersect1d(awake, self._relaxing).tolist():
+            dissipated[number] = self.pieces[number].parameters.blocks.dissipated
         notes = {int(number): self._step_apart(int(number), request, dissipated) for number in apart}
         notes |= self._notes_of(kernels)
         for piece in (self.pieces[number] for number in self._cut if not asleep[number]):

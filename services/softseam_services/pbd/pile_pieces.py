@@ -45,8 +45,9 @@ class Piece:
 
     @property
     def apart(self) -> bool:
-        """Whether its steps are not the pile's kernel's: explicit ones, and those of a material with state."""
-        return self.parameters.explicit or self.parameters.blocks.n_state > 0
+        """Whether its steps are not the pile's kernel's: explicit ones, and those of a law with state from outside."""
+        blocks = self.parameters.blocks
+        return self.parameters.explicit or (blocks.n_state > 0 and blocks.branches == 0)
 
     def member(self, now: int) -> Member:
         """As kernels take it, where this one of its states is committed."""

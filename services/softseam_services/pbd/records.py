@@ -147,6 +147,8 @@ class ParameterArrays(NamedTuple):
     constants: Constants
     law: int
     kappa: float
+    renewed: float
+    """how long what folds branches that relax does, see `kernels.renew`; 0 where nothing relaxes [s]"""
     # points
     weight: Floats
     """of the nodes that points follow, see `point_weights` (entries,)"""

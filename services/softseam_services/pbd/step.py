@@ -19,6 +19,7 @@ from .kernels.begin import find_patches, find_slow, give_shape, split_forces
 from .kernels.block import new_workspace
 from .kernels.leapfrog import advance_leapfrog
 from .kernels.pairs import place_points
+from .kernels.renew import begin_bending
 from .kernels.substep import advance_step
 from .kernels.sweep import batch_energies, block_forces, exact_stress, strain_energy
 from .levels import thin_out
@@ -242,7 +243,8 @@ def attempt(
         *(dt, parameters.slowly, scratch.arrays.contacts.slow),
     )
     find_patches(*arrays, work.x, scratch.arrays.contacts.patch)
-    parameters.blocks.hold(work.memory, dt)
+    if not parameters.blocks.branches:  # whose kernels bring up to date what they need
+        parameters.blocks.hold(work.memory, dt)
     scratch.pair.run(
         *(n_substeps * n_sweeps, advance_step, *arrays, work, scratch.inputs, scratch.arrays, scratch.outputs),
         *(dt, n_substeps, n_sweeps),
@@ -325,9 +327,11 @@ def start_state(
     model.levels.follow(state.x, state.v)
     blocks, numbers = model.blocks, parameters.blocks
     to_blocks(blocks, model.levels.coarse, internal_of(body, handed, region.cells), state.memory)
-    numbers.hold(state.memory)
     n = model.n_nodes
     xw[:n, :3] = state.x
+    if numbers.branches and handed is not None:
+        begin_bending(ws, xw, blocks.nodes, numbers.constants, state.memory)
+    numbers.hold(state.memory)
     exact_stress(ws, xw, blocks.nodes, numbers.volume, state.stress, numbers.constants, numbers.law)
     force = np.zeros((n + 8, 4))
     block_forces(ws, blocks.nodes, state.stress, numbers.constants, force, 0, blocks.n_batches)

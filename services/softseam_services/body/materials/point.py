@@ -22,6 +22,8 @@ from softseam_services.body.materials.prototype import RESPONSE
 from softseam_services.jit import njit
 
 NEO_HOOKEAN, LINEAR, COROTATED, ST_VENANT_KIRCHHOFF, STABLE_NEO_HOOKEAN, MOONEY_RIVLIN = 1, 2, 3, 4, 5, 6
+RELAXING = -NEO_HOOKEAN
+"""of neo_hookean with branches beside it that relax, as of `with_state`"""
 BRANCHES = frozenset({NEO_HOOKEAN, LINEAR, COROTATED, ST_VENANT_KIRCHHOFF, STABLE_NEO_HOOKEAN, MOONEY_RIVLIN})
 """numbers that have a branch in `response`, or in front of it; every other number is an address"""
 _call_response = RESPONSE.call

@@ -15,6 +15,7 @@ from softseam_services.jit import njit
 
 from .fronts import LANES
 
+HALF = LANES // 2
 SIZE = relaxation.SIZE
 """of a workspace of one octant"""
 
@@ -69,7 +70,7 @@ def write_tangent(F, q, weight, A, B, H, step, state, safe, w, D, half, c):
     relaxation.add_tangent(F, 3 * q, w, half, not safe, c)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def sides(h, c, left):
     """left[(27 q + 9 i + 3 k + l) LANES + a] <- dN_a,j c_ij,kl for all a, with h and c as of `block_row`."""
     for q in range(8):
@@ -82,14 +83,11 @@ def sides(h, c, left):
                     left[to + a] = x * h[s + a] + y * h[s + LANES + a] + z * h[s + 2 * LANES + a]
 
 
-@njit(cache=True, error_model="numpy")
-def block_row(a, h, left, row):
-    """row[(3 i + k) LANES + b] <- the sum of eq. (1) for all b; h[(3 q + j) LANES + b] = dN_b,j at q, left of `sides`.
-
-    xyz: what the entry x, y has of dN_b,z.
-    """
-    for b in range(9 * LANES):
-        row[b] = 0.0
+@njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+def _sum_row(a, start, h, left, row):
+    for entry in range(9):
+        for b in range(start, LANES):
+            row[entry * LANES + b] = 0.0
     for q in range(8):
         s, t = 3 * q * LANES, 27 * q * LANES + a
         xxx, xxy, xxz = left[t], left[t + 1 * LANES], left[t + 2 * LANES]
@@ -101,7 +99,7 @@ def block_row(a, h, left, row):
         zxx, zxy, zxz = left[t + 18 * LANES], left[t + 19 * LANES], left[t + 20 * LANES]
         zyx, zyy, zyz = left[t + 21 * LANES], left[t + 22 * LANES], left[t + 23 * LANES]
         zzx, zzy, zzz = left[t + 24 * LANES], left[t + 25 * LANES], left[t + 26 * LANES]
-        for b in range(LANES):
+        for b in range(start, LANES):
             x, y, z = h[s + b], h[s + LANES + b], h[s + 2 * LANES + b]
             row[b] += xxx * x + xxy * y + xxz * z
             row[LANES + b] += xyx * x + xyy * y + xyz * z
@@ -112,6 +110,19 @@ def block_row(a, h, left, row):
             row[6 * LANES + b] += zxx * x + zxy * y + zxz * z
             row[7 * LANES + b] += zyx * x + zyy * y + zyz * z
             row[8 * LANES + b] += zzx * x + zzy * y + zzz * z
+
+
+@njit(cache=True, error_model="numpy")
+def block_row(a, h, left, row):
+    """row[(3 i + k) LANES + b] <- the sum of eq. (1) for all b >= a; h[(3 q + j) LANES + b] = dN_b,j at q, left of
+    `sides`.
+
+    xyz: what the entry x, y has of dN_b,z.
+    """
+    if a < HALF:
+        _sum_row(a, 0, h, left, row)
+    else:
+        _sum_row(a, HALF, h, left, row)
 
 
 @njit(cache=True, error_model="numpy")

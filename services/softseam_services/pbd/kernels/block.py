@@ -45,6 +45,8 @@ class Constants(NamedTuple):
     shape, see `form` (b, N_FORM, LANES)"""
     number: NDArray[np.int32]
     """of each batch's row in the table (b,)"""
+    fold: NDArray[np.float64]
+    """of blocks that relax, see `relaxing` (b, N_FOLD, LANES); of others (0, N_FOLD, LANES)"""
 
 
 def new_workspace() -> NDArray[np.float64]:

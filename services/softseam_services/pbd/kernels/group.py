@@ -65,7 +65,7 @@ def _open(one, body, touch, books, xw, inputs, dt, n_substeps, n_sweeps, substep
     share = damping_share(one.parameters.stiffness_time, one.parameters.lag, h, n_sweeps)
     _find_centre(one, xw, touch.row[body], books.centre[body])
     open_substep(one.model, one.parameters, one.after, inputs, one.scratch, dt, h, substep, n_substeps)
-    predict_all(one.model, one.parameters, one.after, one.scratch, h, share, team, 0, 0, 0, ws)
+    predict_all(one.model, one.parameters, one.after, one.scratch, h, substep, n_substeps, share, team, 0, 0, 0, ws)
     _sweep(one, 0, share, h, team, ws)
 
 
@@ -195,7 +195,7 @@ def _attempt(members, group, touch, eights, fours, visits, now, books, xw, input
     for body in bodies:
         one = members[body]
         share = damping_share(one.parameters.stiffness_time, one.parameters.lag, h, n_sweeps)
-        look_at_blocks(one.model, one.parameters, one.after, one.scratch, share, team, 0, 0, 0, ws)
+        look_at_blocks(one.model, one.parameters, one.after, one.scratch, h, n_substeps, share, team, 0, 0, 0, ws)
         close_step(one.model, one.parameters, one.after, inputs, one.scratch, one.outputs, n_substeps, 0.0)
         one.outputs.result[SEAM_WORK] = books.work[body]
         end_attempt(one, number, dt, n_substeps, n_sweeps, books.turned[body], notes[body])

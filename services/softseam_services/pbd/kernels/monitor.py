@@ -9,6 +9,7 @@ from .block import gather, hoisted, load_stress, of_batch, of_lane, shape
 from .block_rows import MU, STRESS, VOLUME, WANTED
 from .lanes import LANES, lane_kernel, move_four
 from .laws import write_stress
+from .relaxing import bring_fold
 
 ENERGY, LEAST_J, LAG, SIZE, STRETCH = 0, 1, 2, 3, 4
 N_FIGURES = 5
@@ -37,6 +38,7 @@ def batch_residuals(ws, xw, nodes, volume, stress, constants, law, first, end, f
         gather(ws, xw, nodes, batch)
         load_stress(ws, stress, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
+        bring_fold(ws, constants, batch)
         write_stress(ws, own, law)
         lag, size, stretch = 0.0, 0.0, 0.0
         for lane in range(LANES):

@@ -110,23 +110,12 @@ def _change(a, c, r, z, d, n):
 
 
 @lane_kernel
-def project_lane(ws, lane, stress, at, k, V, g, move):
-    """Solve one block once: Lambda += dLambda of eq. (4) and (5), and its nodes, the first rows of ws, move.
+def solve_lane(ws, lane, stress, at, k, f, c, r, V, g, stiffness, ds, by_bending, move):
+    """Lambda += dLambda of eq. (4) and (5) from the residuals r (3 rows), and the nodes move.
 
-    Lambda begins at stress[at]; k are the block's constants, V its volume, g = kappa h^2 8 max w_i, move = h^2 w_i
+    stiffness is what G_b counts with in eq. (4), by_bending what k_m does in eq. (5)
     """
-    mu, lam = k[MU], k[LAM]
-    f, q = shape(ws, lane, k)
-    c, J = cofactors(f)
-    _, s, ds = volumetric(J, mu, lam)
-    t = hourglass(k, turned_back(f, q))
-    r0 = residual(stress, at, 0, stress_row(0, f, c, q, t, mu, s, V))
-    r1 = residual(stress, at, 1, stress_row(1, f, c, q, t, mu, s, V))
-    r2 = residual(stress, at, 2, stress_row(2, f, c, q, t, mu, s, V))
-    square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2] + f[3] * f[3] + f[4] * f[4] + f[5] * f[5]
-    square += f[6] * f[6] + f[7] * f[7] + f[8] * f[8]
-    bound = max(1.0, square * (1.0 / 3.0))
-    stiffness = V * (mu + abs(s) * np.sqrt(bound))
+    r0, r1, r2 = r
     g0, g1, g2 = g * k[G], g * k[G + 1], g * k[G + 2]
     # One division for three numbers, and for four: a vector's division takes as long as ten products.
     v0, v1, v2 = 1.0 + stiffness * g0, 1.0 + stiffness * g1, 1.0 + stiffness * g2
@@ -146,8 +135,8 @@ def project_lane(ws, lane, stress, at, k, V, g, move):
     # Past J = exp(1 + mu/lambda) psi_J is concave; the local solve stays definite without its negative curvature.
     bulk = V * max(ds, 0.0)
     z = bulk * along / (1.0 + bulk * length)
-    g = g * V * bound
-    v0, v1, v2, v3 = 1.0 + g * k[BOUND], 1.0 + g * k[BOUND + 1], 1.0 + g * k[BOUND + 2], 1.0 + g * k[BOUND + 3]
+    b = by_bending
+    v0, v1, v2, v3 = 1.0 + b * k[BOUND], 1.0 + b * k[BOUND + 1], 1.0 + b * k[BOUND + 2], 1.0 + b * k[BOUND + 3]
     v01, v23 = v0 * v1, v2 * v3
     over = 1.0 / (v01 * v23)
     over01, over23 = over * v23, over * v01
@@ -155,6 +144,27 @@ def project_lane(ws, lane, stress, at, k, V, g, move):
     answer(ws, lane, stress, at, 0, k, move, _change(0, c, r0, z, d, n))
     answer(ws, lane, stress, at, 1, k, move, _change(1, c, r1, z, d, n))
     answer(ws, lane, stress, at, 2, k, move, _change(2, c, r2, z, d, n))
+
+
+@lane_kernel
+def project_lane(ws, lane, stress, at, k, V, g, move):
+    """Solve one block once: Lambda += dLambda of eq. (4) and (5), and its nodes, the first rows of ws, move.
+
+    Lambda begins at stress[at]; k are the block's constants, V its volume, g = kappa h^2 8 max w_i, move = h^2 w_i
+    """
+    mu, lam = k[MU], k[LAM]
+    f, q = shape(ws, lane, k)
+    c, J = cofactors(f)
+    _, s, ds = volumetric(J, mu, lam)
+    t = hourglass(k, turned_back(f, q))
+    r0 = residual(stress, at, 0, stress_row(0, f, c, q, t, mu, s, V))
+    r1 = residual(stress, at, 1, stress_row(1, f, c, q, t, mu, s, V))
+    r2 = residual(stress, at, 2, stress_row(2, f, c, q, t, mu, s, V))
+    square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2] + f[3] * f[3] + f[4] * f[4] + f[5] * f[5]
+    square += f[6] * f[6] + f[7] * f[7] + f[8] * f[8]
+    bound = max(1.0, square * (1.0 / 3.0))
+    stiffness = V * (mu + abs(s) * np.sqrt(bound))
+    solve_lane(ws, lane, stress, at, k, f, c, (r0, r1, r2), V, g, stiffness, ds, g * V * bound, move)
 
 
 @batch_kernel

@@ -20,6 +20,7 @@ from .memory import begun_before, remembers
 from .monitor import batch_residuals, residual
 from .pairs import acting_weight, find_pairs, look_ahead, place_points, store_pairs
 from .relax import relax
+from .renew import renew, renewed_every
 from .summary import LEAST_J, RESIDUAL, SEAM_WORK, STRAIN, STRETCH, TOOL_WORK, summarise
 from .sweep import batch_energies, block_forces, remember, strain_energy
 from .thread_team import done, first_range, next_range, wait_for
@@ -161,8 +162,31 @@ def open_substep(model, parameters, state, inputs, scratch, dt, h, substep, n_su
 
 
 @njit(cache=True, error_model="numpy")
-def predict_all(model, parameters, state, scratch, h, share, team, worker, before, stretch, ws):
+def renew_all(model, parameters, state, scratch, h, substep, n_substeps, team, worker, before, stretch, ws):
+    """What blocks that relax remember where so many substeps of h [s] are over, and what folds it for those to come, of
+    n. Returns before and stretch then."""
+    every = renewed_every(parameters, h, n_substeps)
+    if every == 0 or (substep % every > 0 and substep < n_substeps):
+        return before, stretch
+    elapsed = 0.0 if substep == 0 else h * ((substep - 1) % every + 1)
+    ahead = min(every, n_substeps - substep)
+    middle = 0.5 * (ahead + 1) * h if ahead > 0 else 0.0
+    first, end = first_range(team, before, stretch, len(model.blocks), worker, LEAST_BATCHES)
+    while first < end:
+        renew(
+            *(ws, scratch.xw, model.blocks, parameters.constants, state.memory, elapsed, ahead * h, middle),
+            *(first, end),
+        )
+        first, end = next_range(team, stretch, worker, end - first, LEAST_BATCHES)
+    return before + len(model.blocks), stretch + 1
+
+
+@njit(cache=True, error_model="numpy")
+def predict_all(model, parameters, state, scratch, h, substep, n_substeps, share, team, worker, before, stretch, ws):
     """x* of all nodes, and what damping, by its `damping_share`, notes of shapes. Returns before and stretch then."""
+    before, stretch = renew_all(
+        model, parameters, state, scratch, h, substep, n_substeps, team, worker, before, stretch, ws
+    )
     nodes, n = model.blocks, len(state.x)
     keep = np.exp(-parameters.mass_rate * h)
     if share > 0.0:
@@ -193,11 +217,14 @@ def finish_all(state, scratch, h, team, worker, before, stretch):
 
 
 @njit(cache=True, error_model="numpy")
-def look_at_blocks(model, parameters, state, scratch, share, team, worker, before, stretch, ws):
+def look_at_blocks(model, parameters, state, scratch, h, n_substeps, share, team, worker, before, stretch, ws):
     """Energies and residuals of the blocks as a step ends, into scratch.figures, and what materials remember. Returns
     before as it is then."""
     nodes, volume, constants, law = model.blocks, parameters.volume, parameters.constants, parameters.law
     xw, figures = scratch.xw, scratch.figures
+    before, stretch = renew_all(
+        model, parameters, state, scratch, h, n_substeps, n_substeps, team, worker, before, stretch, ws
+    )
     if len(nodes) > 0 and remembers(of_batch(constants, 0)):
         first, end = first_range(team, before, stretch, len(nodes), worker, LEAST_BATCHES)
         while first < end:
@@ -263,7 +290,9 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
             seam_work += open_substep(model, parameters, state, inputs, scratch, dt, h, substep, n_substeps)
             done(team, worker, 1)
         before += 1
-        before, stretch = predict_all(model, parameters, state, scratch, h, share, team, worker, before, stretch, ws)
+        before, stretch = predict_all(
+            model, parameters, state, scratch, h, substep, n_substeps, share, team, worker, before, stretch, ws
+        )
         before, stretch = relax(
             model, parameters, state.stress, scratch, substep, n_sweeps, h, parts, worker, team, before, stretch, ws
         )
@@ -271,7 +300,7 @@ def advance_step(model, parameters, state, inputs, scratch, outputs, dt, n_subst
         if worker == 0:
             # The positions in xw stay until the next prediction, which waits for this.
             account_pairs(model, parameters, contacts, xw, 1.0 / n_substeps)
-    before = look_at_blocks(model, parameters, state, scratch, share, team, worker, before, stretch, ws)
+    before = look_at_blocks(model, parameters, state, scratch, h, n_substeps, share, team, worker, before, stretch, ws)
     if worker > 0:
         return
     wait_for(team, before)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN
+from softseam_services.body.materials.point import LINEAR, NEO_HOOKEAN, RELAXING
 from softseam_services.jit import njit
 
 from .block import gather, hoist, load_stress, new_workspace, of_batch, of_lane, read_row, scatter, spread, store_stress
@@ -12,6 +12,7 @@ from .lanes import LANES, move_four
 from .laws import write_energy, write_stress
 from .linear import project_lanes_linear
 from .neo_hookean import project_lanes
+from .relaxing import bring_fold, sweep_relaxing
 
 __all__ = ["batch_energies", "block_forces", "exact_stress", "new_workspace", "strain_energy", "sweep"]
 
@@ -31,6 +32,9 @@ def sweep(ws, xw, nodes, volume, softness, stress, constants, law, kappa, h, fir
     kappa, h                   under-relaxation of the local compliance [1], substep [s]
     """
     hh = h * h
+    if law == RELAXING:
+        sweep_relaxing(ws, xw, nodes, volume, softness, stress, constants, kappa, hh, first, end)
+        return
     for batch in range(first, end):
         gather(ws, xw, nodes, batch)
         load_stress(ws, stress, batch)
@@ -53,6 +57,7 @@ def exact_stress(ws, xw, nodes, volume, stress, constants, law):
     for batch in range(len(nodes)):
         gather(ws, xw, nodes, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
+        bring_fold(ws, constants, batch)
         write_stress(ws, of_batch(constants, batch), law)
         store_stress(ws, WANTED, stress, batch)
 
@@ -85,6 +90,7 @@ def batch_energies(ws, xw, nodes, volume, constants, law, first, end, energies):
     for batch in range(first, end):
         gather(ws, xw, nodes, batch)
         move_four(ws, LANES * VOLUME, volume, LANES * batch)
+        bring_fold(ws, constants, batch)
         write_energy(ws, of_batch(constants, batch), law)
         total, least = 0.0, np.inf
         for lane in range(LANES):
