@@ -128,8 +128,8 @@ def _open(group, n_nodes, rows, pairs):
 
 @njit(cache=True, error_model="numpy")
 def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
-    """contacts.found (p, 4) <- gap to a tool where it starts, how much deeper than its force says a point is inside
-    [m], in which of RANKS a pair is, and LAG [m]; those that are none have NOT_FOUND.
+    """contacts.found (p, 6) <- gap to a tool where it starts, how much deeper than its force says a point is inside
+    [m], in which of RANKS a pair is, LAG [m], and NEXT of patches; those that are none have NOT_FOUND.
 
     Under tools that go by LAG is 0: other patches would be pressed then, and cut into what yields more."""
     softness, lags, force = parameters.point_give, parameters.point_lag, state.force
@@ -151,6 +151,7 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
             continue
         gap, nx, ny, nz = tool_gap(kind, shape, place, turn, x)
         grade = 1.0
+        found[point, 4], found[point, 5] = lean[point, tool, 0], lean[point, tool, 1]
         if parameters.places[tool] > 0 and point >= model.n_surface:
             gap -= NEAR * parameters.margin
             if gap < margin:
@@ -161,6 +162,8 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
                 )[:7]
                 if not carried:
                     lean[point, tool, 0], lean[point, tool, 1] = s, t
+                if depth > 0.0 or not carried:
+                    found[point, 4], found[point, 5] = s, t
                 gap = -depth / grade
         if gap >= margin and not carried:
             state.steady[point, tool] = 0.0
@@ -217,7 +220,8 @@ def _add_pair(model, parameters, state, contacts, tool, point, hh, first_open, n
             row[EIGHT * (PATCH + 3 + c) + lane] = contacts.patch[point, 1, c]
         s, t = state.lean[point, tool, 0], state.lean[point, tool, 1]
         row[EIGHT * LEAN + lane], row[EIGHT * (LEAN + 1) + lane] = s, t
-        row[EIGHT * NEXT + lane], row[EIGHT * (NEXT + 1) + lane] = s, t
+        for c in range(2):
+            row[EIGHT * (NEXT + c) + lane] = contacts.found[point, 4 + c]
         give = 0.0
         for entry in range(first, end):
             give += parameters.inverse_mass[node[entry]] * acting_weight(entry, weight, parameters.tilt, s, t) ** 2
