@@ -156,9 +156,11 @@ def step(
         fault = watch.check(result, state.monitor, floor)
         notice = watch.alarm(cause, result, state.monitor, number, n_substeps, n_sweeps, unfinished)
         lagging = number == 0 and trust.grows(result, state.monitor)
-        if fault is watch.Fault.NONE and not lagging:
+        feeding = number == 0 and trust.feeds(result, state.monitor, floor)
+        if fault is watch.Fault.NONE and not lagging and not feeding:
             break
-        cause = fault.text.split(":")[0] if fault is not watch.Fault.NONE else watch.GROWS
+        doubt = watch.GROWS if lagging else watch.FEEDS
+        cause = fault.text.split(":")[0] if fault is not watch.Fault.NONE else doubt
     if fault is watch.Fault.DIVERGED:
         return work, stay(parameters, state, scratch)._replace(
             fault=fault, n_substeps=n_substeps, sweeps=sweeps, notice=notice
@@ -344,3 +346,4 @@ def start_state(
     stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(parameters.arrays.x_rest, axis=0).max())
     state.monitor[:] = 0.0
     state.monitor[: trust.CREATED] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch
+    state.monitor[trust.STORED] = k.UNKNOWN if handed is not None else 0.0

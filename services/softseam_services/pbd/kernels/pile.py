@@ -21,6 +21,7 @@ from .trust import (
     RETRIES,
     STRETCH,
     fault_of,
+    feeds,
     grows,
     needs_two_sweeps,
     remember,
@@ -28,11 +29,11 @@ from .trust import (
 
 ATTEMPT, CAUSE, FAULT, SUBSTEPS, SWEEPS, SWEPT, UNFINISHED, HALVED = range(8)
 N_NOTES = 8
-"""of a body's step: its last attempt; why that was made, a fault's number or `LAGGED`; what is wrong with it; its
+"""of a body's step: its last attempt; why that was made, a fault's number, `LAGGED` or `FED`; what is wrong with it; its
 substeps and sweeps in each; sweeps of all attempts; substeps that did not reach the residual; whether the next take
 half as long"""
-LAGGED = 4
-"""a cause: the residual grew"""
+LAGGED, FED = 4, 5
+"""causes: the residual grew; contact gave more than it took"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -96,7 +97,8 @@ def judge(member, number, notes):
     fault = fault_of(result, monitor, member.roundoff)
     notes[ATTEMPT], notes[FAULT] = number, fault
     lagging = number == 0 and grows(result, monitor)
-    return fault != NONE or lagging, fault if fault != NONE else LAGGED
+    feeding = number == 0 and feeds(result, monitor, member.roundoff)
+    return fault != NONE or lagging or feeding, fault if fault != NONE else LAGGED if lagging else FED
 
 
 @njit(cache=True, error_model="numpy")

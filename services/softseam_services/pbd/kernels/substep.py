@@ -20,7 +20,8 @@ from .memory import begun_before, remembers
 from .monitor import batch_residuals, residual
 from .pairs import acting_weight, find_pairs, look_ahead, place_points, store_pairs
 from .relax import relax
-from .summary import LEAST_J, RESIDUAL, SEAM_WORK, STRAIN, STRETCH, TOOL_WORK, summarise
+from .stored import put_in, stored_energy
+from .summary import LEAST_J, PUT_IN, RESIDUAL, SEAM_WORK, STORED, STRAIN, STRETCH, TOOL_WORK, summarise
 from .sweep import batch_energies, block_forces, remember, strain_energy
 from .thread_team import done, first_range, next_range, wait_for
 from .tool_motion import tool_motions, tool_pose
@@ -231,6 +232,8 @@ def close_step(model, parameters, state, inputs, scratch, outputs, n_substeps, s
     result[STRAIN], result[LEAST_J] = strain_energy(scratch.figures)
     result[RESIDUAL], result[STRETCH] = residual(scratch.figures)
     result[TOOL_WORK], result[SEAM_WORK] = tool_work, seam_work
+    result[STORED] = stored_energy(model, parameters, contacts, scratch.xw)
+    result[PUT_IN] = put_in(inputs, outputs.wrench)
     cell_distances(
         *(x, model.cell_nodes, parameters.kind, parameters.shape, contacts.position[1], contacts.orientation[1]),
         *(parameters.followed, scratch.node_gap, outputs.distance),

@@ -10,10 +10,12 @@ from .pairs import DEPTH, EIGHT, MEAN, POINT, SLIP_SINCE
 
 (KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, PENETRATION, SLIP, N_CONTACTS, LEAST_J, PUSHED) = range(10)
 MOMENTUM, ANGULAR, BOUNDS, RESIDUAL, STRETCH, APPARENT, HASTE = 10, 13, 16, 22, 23, 24, 25
-FASTEST = 26
-N_RESULTS = 27
+FASTEST, STORED, PUT_IN = 26, 27, 28
+N_RESULTS = 29
+UNKNOWN = -1.0
 """of a step; FASTEST [m/s] is of its nodes; APPARENT [J] is what energy seems to rise by without doing so, and HASTE
-[J] h^2/8 f^T M^-1 f of the blocks at its end: the explicit step's, see `leapfrog`, else 0"""
+[J] h^2/8 f^T M^-1 f of the blocks at its end: the explicit step's, see `leapfrog`, else 0; STORED [J] is what contact
+with tools stores as it ends, or `UNKNOWN`, and PUT_IN [J] what their motions did, see `stored`"""
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

@@ -29,11 +29,11 @@ time; then twice as many each time"""
 LITTLE = 1e4
 """energy that counts as there at least, times the roundoff: that of 1 % shear"""
 
-LEAST_J, KINETIC, STRAIN, GRAVITY, UNSHARED, RESIDUAL, STRETCH, CREATED, HALVINGS, CALM, DOUBLINGS = range(11)
-N_MONITOR = 11
+LEAST_J, KINETIC, STRAIN, GRAVITY, UNSHARED, RESIDUAL, STRETCH, CREATED, HALVINGS, CALM, DOUBLINGS, STORED = range(12)
+N_MONITOR = 12
 """what a state remembers of its last step: least volume ratio, energies [J], 1 where contact forces wait to be shared
 out among tools, residual, largest stretch, energy from nowhere since it was last least [J], halvings of the substep,
-calm steps since the last one, and how often substeps became longer again"""
+calm steps since the last one, how often substeps became longer again, and what contact stores, or `UNKNOWN` [J]"""
 NONE, DIVERGED, HASTE, ENERGY = range(4)
 """what may be wrong with a step, see `pbd.watch.Fault`"""
 
@@ -44,6 +44,21 @@ def rise(result, monitor):
     grown = result[k.KINETIC] + result[k.STRAIN] + result[k.GRAVITY]
     grown = grown - monitor[KINETIC] - monitor[STRAIN] - monitor[GRAVITY]
     return grown - result[k.TOOL_WORK] - result[k.SEAM_WORK] - result[k.APPARENT]
+
+
+@njit(cache=True, error_model="numpy")
+def fed(result, monitor):
+    """What contact did beyond what tools put in and it had stored [J], see `stored`; 0 where that is not known."""
+    if result[k.STORED] == k.UNKNOWN or monitor[STORED] == k.UNKNOWN:
+        return 0.0
+    gained = result[k.TOOL_WORK] - result[k.PUT_IN] + result[k.STORED] - monitor[STORED]
+    return max(0.0, gained - result[k.PUSHED])
+
+
+@njit(cache=True, error_model="numpy")
+def there(result, floor):
+    """Energy that counts as there as a step ends [J]; floor [J] is roundoff."""
+    return max(result[k.KINETIC] + result[k.STRAIN], LITTLE * floor)
 
 
 @njit(cache=True, error_model="numpy")
@@ -70,10 +85,9 @@ def remember(monitor, result, floor, planned):
     are longer again once nothing has come from nowhere for a while, `PATIENCE`. If that was too early the next time
     comes twice as late, so that n steps see log2(n/8) such trials at most. Others may be unstable for good.
     """
-    created = max(0.0, monitor[CREATED] + rise(result, monitor) - result[k.PUSHED])
+    created = max(0.0, monitor[CREATED] + rise(result, monitor) - result[k.PUSHED] + fed(result, monitor))
     touched = result[k.N_CONTACTS] > 0.0
-    there = max(result[k.KINETIC] + result[k.STRAIN], LITTLE * floor)
-    halves = touched and created > GAIN * there and monitor[HALVINGS] < SHORTEST
+    halves = touched and created > GAIN * there(result, floor) and monitor[HALVINGS] < SHORTEST
     calm = monitor[CALM] + 1.0 if created <= floor else 0.0
     longer = planned and monitor[HALVINGS] > 0.0 and calm >= PATIENCE * 2.0 ** monitor[DOUBLINGS]
     change = 1.0 if halves else -1.0 if longer else 0.0
@@ -83,6 +97,7 @@ def remember(monitor, result, floor, planned):
     monitor[CREATED] = created if touched and not halves else 0.0
     monitor[LEAST_J], monitor[RESIDUAL], monitor[STRETCH] = result[k.LEAST_J], result[k.RESIDUAL], result[k.STRETCH]
     monitor[KINETIC], monitor[STRAIN], monitor[GRAVITY] = result[k.KINETIC], result[k.STRAIN], result[k.GRAVITY]
+    monitor[STORED] = result[k.STORED]
     return halves
 
 
@@ -96,3 +111,9 @@ def needs_two_sweeps(monitor):
 def grows(result, monitor):
     """Whether the residual of a step that may be believed grew so much that it is worth repeating."""
     return result[k.RESIDUAL] > max(LAGGING, GROWTH * monitor[RESIDUAL])
+
+
+@njit(cache=True, error_model="numpy")
+def feeds(result, monitor, floor):
+    """Whether contact fed the body so much in a step that may be believed that it is worth repeating."""
+    return fed(result, monitor) > GAIN * there(result, floor)
