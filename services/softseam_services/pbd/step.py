@@ -148,7 +148,7 @@ def step(
     if state.monitor[trust.UNSHARED] != 0.0:
         share_out(model, parameters, state, inputs.tools, scratch)
     work, result, floor = scratch.next, scratch.outputs.result, parameters.roundoff
-    cause, sweeps = "", 0
+    cause, sweeps, fed = "", 0, False
     for number in range(trust.RETRIES + 1):
         n_substeps, n_sweeps = attempt(model, parameters, state, inputs, dt, scratch, number)
         swept, unfinished = _swept(parameters, scratch, n_substeps, n_sweeps)
@@ -156,8 +156,9 @@ def step(
         fault = watch.check(result, state.monitor, floor)
         notice = watch.alarm(cause, result, state.monitor, number, n_substeps, n_sweeps, unfinished)
         lagging = number == 0 and trust.grows(result, state.monitor)
-        feeding = number == 0 and trust.feeds(result, state.monitor, floor)
-        if fault is watch.Fault.NONE and not lagging and not feeding:
+        feeds = number == 0 and trust.feeds(result, state.monitor, floor)
+        fed = fed or feeds
+        if fault is watch.Fault.NONE and not lagging and not feeds:
             break
         doubt = watch.GROWS if lagging else watch.FEEDS
         cause = fault.text.split(":")[0] if fault is not watch.Fault.NONE else doubt
@@ -165,7 +166,7 @@ def step(
         return work, stay(parameters, state, scratch)._replace(
             fault=fault, n_substeps=n_substeps, sweeps=sweeps, notice=notice
         )
-    if trust.remember(work.monitor, result, floor, parameters.plans):
+    if trust.remember(work.monitor, result, floor, parameters.plans, fed):
         notice[Detail.SHORTER] = watch.GAINS
     to_plan = fault is watch.Fault.NONE and number == 0
     outputs = scratch.outputs
@@ -346,4 +347,4 @@ def start_state(
     stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(parameters.arrays.x_rest, axis=0).max())
     state.monitor[:] = 0.0
     state.monitor[: trust.CREATED] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch
-    state.monitor[trust.STORED] = k.UNKNOWN if handed is not None else 0.0
+    state.monitor[trust.STORED] = trust.UNKNOWN

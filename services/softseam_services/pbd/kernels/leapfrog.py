@@ -26,7 +26,7 @@ from .hanging import follow
 from .lanes import LANES, lane_kernel, move_four
 from .laws import write_stress
 from .monitor import batch_residuals, residual
-from .summary import APPARENT, HASTE, LEAST_J, RESIDUAL, STORED, STRAIN, STRETCH, UNKNOWN, summarise_motion
+from .summary import APPARENT, HASTE, LEAST_J, RESIDUAL, STRAIN, STRETCH, summarise_motion
 from .sweep import batch_energies, block_forces, strain_energy
 from .thread_team import done, first_range, next_range, wait_for
 
@@ -183,7 +183,7 @@ def advance_leapfrog(model, parameters, state, leap, outputs, dt, m, parts, team
     wait_for(team, before)
     total, own = end_step(state, leap, h, half_drag)
     result[:] = 0.0
-    result[APPARENT], result[HASTE], result[STORED] = total - apparent, own, UNKNOWN
+    result[APPARENT], result[HASTE] = total - apparent, own
     follow(state.x, state.v, model.hanging)
     summarise_motion(parameters, state.x, state.v, result)
     result[STRAIN], result[LEAST_J] = strain_energy(leap.figures)

@@ -34,25 +34,18 @@ N_MONITOR = 12
 """what a state remembers of its last step: least volume ratio, energies [J], 1 where contact forces wait to be shared
 out among tools, residual, largest stretch, energy from nowhere since it was last least [J], halvings of the substep,
 calm steps since the last one, how often substeps became longer again, and what contact stores, or `UNKNOWN` [J]"""
+UNKNOWN = -1.0
+"""is what contact stores as a run begins, or a state was handed over"""
 NONE, DIVERGED, HASTE, ENERGY = range(4)
 """what may be wrong with a step, see `pbd.watch.Fault`"""
 
 
 @njit(cache=True, error_model="numpy")
 def rise(result, monitor):
-    """By how much the energy rose beyond the work that was done on the body [J]."""
+    """By how much the energy rose beyond the work that was done on the body, and what contact gave back [J]."""
     grown = result[k.KINETIC] + result[k.STRAIN] + result[k.GRAVITY]
     grown = grown - monitor[KINETIC] - monitor[STRAIN] - monitor[GRAVITY]
     return grown - result[k.TOOL_WORK] - result[k.SEAM_WORK] - result[k.APPARENT]
-
-
-@njit(cache=True, error_model="numpy")
-def fed(result, monitor):
-    """What contact did beyond what tools put in and it had stored [J], see `stored`; 0 where that is not known."""
-    if result[k.STORED] == k.UNKNOWN or monitor[STORED] == k.UNKNOWN:
-        return 0.0
-    gained = result[k.TOOL_WORK] - result[k.PUT_IN] + result[k.STORED] - monitor[STORED]
-    return max(0.0, gained - result[k.PUSHED])
 
 
 @njit(cache=True, error_model="numpy")
@@ -77,17 +70,17 @@ def fault_of(result, monitor, floor):
 
 
 @njit(cache=True, error_model="numpy")
-def remember(monitor, result, floor, planned):
+def remember(monitor, result, floor, planned, fed):
     """monitor (N_MONITOR,) <- the figures of a step; what waits to be shared out stays. floor [J] is roundoff.
 
-    A body that gains energy while tools touch it takes half the substep until none does; returns whether that begins
-    or is halved once more. Where its substeps are planned, and so are stable, what gained was a knock or the like: they
+    A body that gains energy while tools touch it, or had to repeat a step for that (fed), takes half the substep until
+    none does; returns whether that begins or is halved once more. Where its substeps are planned, and so are stable, what gained was a knock or the like: they
     are longer again once nothing has come from nowhere for a while, `PATIENCE`. If that was too early the next time
     comes twice as late, so that n steps see log2(n/8) such trials at most. Others may be unstable for good.
     """
-    created = max(0.0, monitor[CREATED] + rise(result, monitor) - result[k.PUSHED] + fed(result, monitor))
+    created = max(0.0, monitor[CREATED] + rise(result, monitor) - result[k.PUSHED])
     touched = result[k.N_CONTACTS] > 0.0
-    halves = touched and created > GAIN * there(result, floor) and monitor[HALVINGS] < SHORTEST
+    halves = touched and (fed or created > GAIN * there(result, floor)) and monitor[HALVINGS] < SHORTEST
     calm = monitor[CALM] + 1.0 if created <= floor else 0.0
     longer = planned and monitor[HALVINGS] > 0.0 and calm >= PATIENCE * 2.0 ** monitor[DOUBLINGS]
     change = 1.0 if halves else -1.0 if longer else 0.0
@@ -115,5 +108,6 @@ def grows(result, monitor):
 
 @njit(cache=True, error_model="numpy")
 def feeds(result, monitor, floor):
-    """Whether contact fed the body so much in a step that may be believed that it is worth repeating."""
-    return fed(result, monitor) > GAIN * there(result, floor)
+    """Whether a step that may be believed, in which tools touch, gained so much that it is worth repeating."""
+    gained = rise(result, monitor) - result[k.PUSHED]
+    return result[k.N_CONTACTS] > 0.0 and gained > GAIN * there(result, floor)
