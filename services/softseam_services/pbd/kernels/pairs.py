@@ -60,7 +60,6 @@ JUST_DEEPER = 0.1
 """share of its force by which a point under what is round is as deep as that says: more was handed over [1]"""
 NEAR = 4.0
 """how far a patch reaches beside its middle, in margins of contact"""
-TOGETHER = 1.0
 EASE = 0.25
 """of what LEAN lacks of NEXT, taken in a substep: all of it turns patches to and fro that are stiffer than blocks"""
 RANKS = 3
@@ -280,14 +279,8 @@ def lean_group(group, model, parameters, hh, pairs, rows, xw, a):
         point = rows[group, POINT + lane]
         if point < model.n_surface:
             continue
-        turns_u, turns_v = 0.0, 0.0
-        for entry in range(indptr[point], indptr[point + 1]):
-            each = xw[node[entry], 3]
-            turns_u, turns_v = turns_u + each * tilt[entry, 0] ** 2, turns_v + each * tilt[entry, 1] ** 2
-        soft = row[EIGHT * SOFT + lane]
         s, t = row[EIGHT * LEAN + lane], row[EIGHT * (LEAN + 1) + lane]
-        ahead = max(EASE, soft / (soft + TOGETHER * hh * turns_u)) * (row[EIGHT * NEXT + lane] - s)
-        aside = max(EASE, soft / (soft + TOGETHER * hh * turns_v)) * (row[EIGHT * (NEXT + 1) + lane] - t)
+        ahead, aside = EASE * (row[EIGHT * NEXT + lane] - s), EASE * (row[EIGHT * (NEXT + 1) + lane] - t)
         s, t = s + ahead, t + aside
         row[EIGHT * LEAN + lane], row[EIGHT * (LEAN + 1) + lane] = s, t
         give = 0.0
