@@ -120,8 +120,8 @@ def test_a_tool_at_rest_does_no_work_on_a_body_in_two_models(kind: str, tmp_path
 @pytest.mark.parametrize("seed", [401, 405, 407])
 @pytest.mark.parametrize("kind", ["box", "cylinder"])
 def test_forces_on_patches_follow_in_steps_of_one_substep(kind: str, seed: int, tmp_path: Path) -> None:
-    """By XPBD they stayed where they first acted: 19 of 28 such drops gained 1 to 5 % of the most that moved, and a tool
-    did up to 15 % of net work."""
+    """By XPBD they stayed where they first acted: 19 of 28 such drops gained 1 to 5 % of the most that moved, and a
+    tool did up to 15 % of net work."""
     done = drop(tmp_path, kind, seed, "pbd", 15e3, 0.12, 0.0005, cell=0.0225)
     assert done.work < 1e-6
     assert done.created < 2e-3
@@ -129,8 +129,8 @@ def test_forces_on_patches_follow_in_steps_of_one_substep(kind: str, seed: int, 
 
 @pytest.mark.parametrize("model", ["pbd", "hybrid"])
 def test_a_tool_at_rest_does_no_work_on_a_soft_block_that_comes_fast(model: str, tmp_path: Path) -> None:
-    """2 % by XPBD, and up to 14 % in both models: its forces along chords were booked, and the substeps of the plan left
-    contact with crushed blocks unsolved."""
+    """2 % by XPBD, and up to 14 % in both models: its forces along chords were booked, and the substeps of the plan
+    left contact with crushed blocks unsolved."""
     done = drop(tmp_path, "cylinder", 408, model, 15e3, 2.0, 0.002)
     assert done.work < 1e-6
     assert done.rise < 1e-3

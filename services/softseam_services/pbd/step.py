@@ -347,4 +347,4 @@ def start_state(
     stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(parameters.arrays.x_rest, axis=0).max())
     state.monitor[:] = 0.0
     state.monitor[: trust.CREATED] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch
-    state.monitor[trust.STORED] = trust.UNKNOWN
+    state.monitor[trust.STORED] = -1.0

@@ -117,12 +117,10 @@ def place_points(model, parameters, xw, point_x):
 @njit(cache=True, error_model="numpy")
 def _open(group, n_nodes, rows, pairs):
     """An empty group: its lanes follow the padding's nodes, which nothing moves."""
+    rows[group, DIRECT], rows[group, DEEP], rows[group, EDGED] = 1, 0, 0
+    pairs[group, :] = 0.0
     for lane in range(EIGHT):
         rows[group, POINT + lane], rows[group, NODE + lane] = -1, n_nodes + lane
-    rows[group, DIRECT], rows[group, DEEP], rows[group, EDGED] = 1, 0, 0
-    for entry in range(WIDTH):
-        pairs[group, entry] = 0.0
-    for lane in range(EIGHT):
         pairs[group, EIGHT * GRADE + lane] = 1.0
 
 
@@ -220,8 +218,7 @@ def _add_pair(model, parameters, state, contacts, tool, point, hh, first_open, n
             row[EIGHT * (PATCH + 3 + c) + lane] = contacts.patch[point, 1, c]
         s, t = state.lean[point, tool, 0], state.lean[point, tool, 1]
         row[EIGHT * LEAN + lane], row[EIGHT * (LEAN + 1) + lane] = s, t
-        for c in range(2):
-            row[EIGHT * (NEXT + c) + lane] = contacts.found[point, 4 + c]
+        row[EIGHT * NEXT + lane], row[EIGHT * (NEXT + 1) + lane] = contacts.found[point, 4], contacts.found[point, 5]
         give = 0.0
         for entry in range(first, end):
             give += parameters.inverse_mass[node[entry]] * acting_weight(entry, weight, parameters.tilt, s, t) ** 2
@@ -253,8 +250,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
     Tools are where `inputs` says that they start.
     """
     start, found, newest = contacts.start, contacts.found, contacts.newest
-    n_groups = 0
-    start[0] = 0
+    n_groups, start[0] = 0, 0
     newest[:] = -1
     for tool in range(len(parameters.kind)):
         _find_gaps(model, parameters, state, inputs, contacts, margin, tool)

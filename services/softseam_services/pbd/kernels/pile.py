@@ -29,8 +29,8 @@ from .trust import (
 
 ATTEMPT, CAUSE, FAULT, SUBSTEPS, SWEEPS, SWEPT, UNFINISHED, HALVED, WAS_FED = range(9)
 N_NOTES = 9
-"""of a body's step: its last attempt; why that was made, a fault's number, `LAGGED` or `FED`; what is wrong with it; its
-substeps and sweeps in each; sweeps of all attempts; substeps that did not reach the residual; whether the next take
+"""of a body's step: its last attempt; why that was made, a fault's number, `LAGGED` or `FED`; what is wrong with it;
+its substeps and sweeps in each; sweeps of all attempts; substeps that did not reach the residual; whether the next take
 half as long; whether it was made again as the energy rose where tools touch"""
 LAGGED, FED = 4, 5
 """causes: the residual grew; the energy rose where tools touch"""

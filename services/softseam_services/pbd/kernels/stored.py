@@ -2,8 +2,8 @@
 
 Where contact yields it has an energy V of where body and tools are, of which its forces are the slope once a substep is
 solved. Its work in a step is what the motions of tools put in, less what V gains, as FEM's is (fem/kernels/
-contact_work.py). So a tool at rest does no net work; what a force along a chord does beyond that implicit Euler takes, or
-a substep that was not solved well enough makes, and the balance says so.
+contact_work.py). So a tool at rest does no net work. What a force along a chord does beyond that implicit Euler takes; what
+a substep adds that was not solved well enough is in the balance, and has the step repeated (`trust.feeds`).
 """
 
 import numpy as np

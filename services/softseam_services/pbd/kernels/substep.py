@@ -121,7 +121,7 @@ def open_step(model, parameters, state, inputs, scratch, dt, h):
         *(0.0, inputs.position, inputs.orientation, inputs.position_next, inputs.orientation_next),
         *(contacts.position[1], contacts.orientation[1]),
     )
-    if state.monitor[trust.STORED] == trust.UNKNOWN:
+    if state.monitor[trust.STORED] < 0.0:
         state.monitor[trust.STORED] = stored_energy(model, parameters, contacts, xw)
     return seam_work
 

@@ -33,9 +33,8 @@ LEAST_J, KINETIC, STRAIN, GRAVITY, UNSHARED, RESIDUAL, STRETCH, CREATED, HALVING
 N_MONITOR = 12
 """what a state remembers of its last step: least volume ratio, energies [J], 1 where contact forces wait to be shared
 out among tools, residual, largest stretch, energy from nowhere since it was last least [J], halvings of the substep,
-calm steps since the last one, how often substeps became longer again, and what contact stores, or `UNKNOWN` [J]"""
-UNKNOWN = -1.0
-"""is what contact stores as a run begins, or a state was handed over"""
+calm steps since the last one, how often substeps became longer again, and what contact stores [J], below 0 where
+that is not known"""
 NONE, DIVERGED, HASTE, ENERGY = range(4)
 """what may be wrong with a step, see `pbd.watch.Fault`"""
 
@@ -74,8 +73,8 @@ def remember(monitor, result, floor, planned, fed):
     """monitor (N_MONITOR,) <- the figures of a step; what waits to be shared out stays. floor [J] is roundoff.
 
     A body that gains energy while tools touch it, or had to repeat a step for that (fed), takes half the substep until
-    none does; returns whether that begins or is halved once more. Where its substeps are planned, and so are stable, what gained was a knock or the like: they
-    are longer again once nothing has come from nowhere for a while, `PATIENCE`. If that was too early the next time
+    none does; returns whether that begins or is halved once more. Where its substeps are planned, and so are stable,
+    what gained was a knock or the like: they are longer again once nothing has come from nowhere for a while, `PATIENCE`. If that was too early the next time
     comes twice as late, so that n steps see log2(n/8) such trials at most. Others may be unstable for good.
     """
     created = max(0.0, monitor[CREATED] + rise(result, monitor) - result[k.PUSHED])
