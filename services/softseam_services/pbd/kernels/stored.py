@@ -1,8 +1,8 @@
 """What contact with tools stores.
 
 Where contact yields it has an energy V of where body and tools are, of which its forces are the slope once a substep is
-solved. Its work in a step is what the motions of tools put in, less what V gains, as FEM's is (fem/kernels/
-contact_work.py). So a tool at rest does no net work. What a force along a chord does beyond that implicit Euler takes; what
+solved. Its work in a step is what the motions of tools put in, less what V gains, as FEM's is (see contact_work.py in
+fem/kernels). So a tool at rest does no net work. What a force along a chord does beyond that implicit Euler takes; what
 a substep adds that was not solved well enough is in the balance, and has the step repeated (`trust.feeds`).
 """
 

@@ -74,8 +74,9 @@ def remember(monitor, result, floor, planned, fed):
 
     A body that gains energy while tools touch it, or had to repeat a step for that (fed), takes half the substep until
     none does; returns whether that begins or is halved once more. Where its substeps are planned, and so are stable,
-    what gained was a knock or the like: they are longer again once nothing has come from nowhere for a while, `PATIENCE`. If that was too early the next time
-    comes twice as late, so that n steps see log2(n/8) such trials at most. Others may be unstable for good.
+    what gained was a knock or the like: they are longer again once nothing has come from nowhere for a while,
+    `PATIENCE`. If that was too early the next time comes twice as late, so that n steps see log2(n/8) such trials at
+    most. Others may be unstable for good.
     """
     created = max(0.0, monitor[CREATED] + rise(result, monitor) - result[k.PUSHED])
     touched = result[k.N_CONTACTS] > 0.0
