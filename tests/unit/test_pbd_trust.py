@@ -22,7 +22,7 @@ def after(monitor: Floats, gains: float, planned: bool, touched: bool = True) ->
     result[k.STRAIN] = STORED
     result[k.N_CONTACTS] = float(touched)
     monitor[trust.STRAIN] = STORED * (1.0 - gains)
-    trust.remember(monitor, result, FLOOR, planned)
+    trust.remember(monitor, result, FLOOR, planned, False)
     return int(monitor[trust.HALVINGS])
 
 

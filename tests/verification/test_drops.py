@@ -27,7 +27,9 @@ class Drop(NamedTuple):
     cut: int
 
 
-def drop(folder: Path, kind: str, seed: int, model: str, young: float, speed: float, step: float) -> Drop:
+def drop(
+    folder: Path, kind: str, seed: int, model: str, young: float, speed: float, step: float, cell: float = 0.0118
+) -> Drop:
     """A block on a tool at rest, of a size and in a pose that the seed gives."""
     rng = np.random.default_rng(seed)
     turn, size = Rotation.from_rotvec(rng.normal(size=3)).as_matrix(), rng.uniform(0.015, 0.04, 3)
@@ -43,13 +45,13 @@ def drop(folder: Path, kind: str, seed: int, model: str, young: float, speed: fl
         tool = {"kind": kind, **shape, "rotation": Rotation.from_matrix(turn).as_rotvec().tolist()}
     (folder / "tool.obj").write_bytes(obj((float(size[0]), float(size[1]), float(size[2]))))
     material = {"kind": "neo_hookean", "young": young, "poisson": 0.45, "density": 1050.0}
-    body: dict[str, Any] = {"shape": {"kind": "block", "size": BLOCK}, "cell": 0.0118, "material": material}
+    body: dict[str, Any] = {"shape": {"kind": "block", "size": BLOCK}, "cell": cell, "material": material}
     body |= {"position": (-0.004, 0.002, below + 0.0004), "velocity": (0.0, 0.0, -speed)}
     lower = {"min": (-1.0, -1.0, -1.0), "max": (1.0, 1.0, below + 0.5 * BLOCK[2])}
     split = {"default": "pbd", "near": {"model": "fem", "boxes": [lower]}}
     spec: dict[str, Any] = {"softseam": 1, "name": "dropped", "step": step, "duration": 0.1, "body": body}
     spec["tools"] = {"rest": {**tool, "position": (0.0, 0.0, 0.0), "friction": 0.0}}
-    spec["regions"] = split if model == "hybrid" else {"default": "fem"}
+    spec["regions"] = split if model == "hybrid" else {"default": model}
     file = folder / "scene.yaml"
     file.write_text(json.dumps(spec))
     seen: list[softseam.Observation] = []
@@ -111,5 +113,25 @@ def test_a_tool_at_rest_does_no_work_on_a_body_in_two_models(kind: str, tmp_path
     just come off are held (fem/kernels/linear_answer.py)."""
     done = drop(tmp_path, kind, 320, "hybrid", 40e3, 0.1, 0.002)
     assert done.work < 2e-3
+    assert done.rise < 1e-3
+    assert done.created < 5e-3
+
+
+@pytest.mark.parametrize("seed", [401, 405, 407])
+@pytest.mark.parametrize("kind", ["box", "cylinder"])
+def test_forces_on_patches_follow_in_steps_of_one_substep(kind: str, seed: int, tmp_path: Path) -> None:
+    """By XPBD they stayed where they first acted: 19 of 28 such drops gained 1 to 5 % of the most that moved, and a
+    tool did up to 15 % of net work."""
+    done = drop(tmp_path, kind, seed, "pbd", 15e3, 0.12, 0.0005, cell=0.0225)
+    assert done.work < 1e-6
+    assert done.created < 2e-3
+
+
+@pytest.mark.parametrize("model", ["pbd", "hybrid"])
+def test_a_tool_at_rest_does_no_work_on_a_soft_block_that_comes_fast(model: str, tmp_path: Path) -> None:
+    """2 % by XPBD, and up to 14 % in both models: its forces along chords were booked, and the substeps of the plan
+    left contact with crushed blocks unsolved."""
+    done = drop(tmp_path, "cylinder", 408, model, 15e3, 2.0, 0.002)
+    assert done.work < 1e-6
     assert done.rise < 1e-3
     assert done.created < 5e-3

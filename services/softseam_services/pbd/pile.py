@@ -50,6 +50,8 @@ if TYPE_CHECKING:  # which builds by the row that names this file
     from softseam_services.server import Setup
 
 Integers = NDArray[np.int64]
+_WHY = {of_pile.LAGGED: watch.GROWS, of_pile.FED: watch.FEEDS}
+"""why a step is made again that may be believed"""
 
 
 class PileSolver:
@@ -211,7 +213,7 @@ class PileSolver:
             piece, note = self.pieces[number], notes[number].tolist()
             fault, before = watch.FAULTS[note[of_pile.FAULT]], self._committed(piece)
             cause = note[of_pile.CAUSE]
-            why = watch.GROWS if cause == of_pile.LAGGED else watch.FAULTS[cause].text.split(":")[0]
+            why = _WHY.get(cause) or watch.FAULTS[cause].text.split(":")[0]
             counts = note[of_pile.ATTEMPT], note[of_pile.SUBSTEPS], note[of_pile.SWEEPS], note[of_pile.UNFINISHED]
             said = watch.alarm(why, self._all.results[number], before.monitor, *counts)
             if note[of_pile.HALVED]:

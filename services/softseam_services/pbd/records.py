@@ -225,7 +225,7 @@ class Contacts(NamedTuple):
     clear: Floats
     """least gap of a group that nothing touched when it was found; -inf once one of its points may touch (p t,) [m]"""
     found: Floats
-    """of the points, see `kernels.pairs` (p, 4)"""
+    """of the points, see `kernels.pairs` (p, 6)"""
     found_at: Floats
     """xw as pairs were found (n + 8, 4)"""
     before: Floats
@@ -342,7 +342,7 @@ def new_contacts(model: ModelArrays, n: int, t: int) -> Contacts:
         rows=np.zeros((p * t, N_ROWS), dtype=np.int32),
         pairs=aligned(p * t, WIDTH),
         clear=np.zeros(p * t),
-        found=np.zeros((p, 4)),
+        found=np.zeros((p, 6)),
         found_at=aligned(n + 8, 4),
         before=aligned(n + 8, 4),
         travel=np.zeros(t),

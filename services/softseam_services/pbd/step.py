@@ -149,7 +149,7 @@ def step(
     if state.monitor[trust.UNSHARED] != 0.0:
         share_out(model, parameters, state, inputs.tools, scratch)
     work, result, floor = scratch.next, scratch.outputs.result, parameters.roundoff
-    cause, sweeps = "", 0
+    cause, sweeps, fed = "", 0, False
     for number in range(trust.RETRIES + 1):
         n_substeps, n_sweeps = attempt(model, parameters, state, inputs, dt, scratch, number)
         swept, unfinished = _swept(parameters, scratch, n_substeps, n_sweeps)
@@ -157,14 +157,17 @@ def step(
         fault = watch.check(result, state.monitor, floor)
         notice = watch.alarm(cause, result, state.monitor, number, n_substeps, n_sweeps, unfinished)
         lagging = number == 0 and trust.grows(result, state.monitor)
-        if fault is watch.Fault.NONE and not lagging:
+        feeds = number == 0 and trust.feeds(result, state.monitor, floor)
+        fed = fed or feeds
+        if fault is watch.Fault.NONE and not lagging and not feeds:
             break
-        cause = fault.text.split(":")[0] if fault is not watch.Fault.NONE else watch.GROWS
+        doubt = watch.GROWS if lagging else watch.FEEDS
+        cause = fault.text.split(":")[0] if fault is not watch.Fault.NONE else doubt
     if fault is watch.Fault.DIVERGED:
         return work, stay(parameters, state, scratch)._replace(
             fault=fault, n_substeps=n_substeps, sweeps=sweeps, notice=notice
         )
-    if trust.remember(work.monitor, result, floor, parameters.plans):
+    if trust.remember(work.monitor, result, floor, parameters.plans, fed):
         notice[Detail.SHORTER] = watch.GAINS
     to_plan = fault is watch.Fault.NONE and number == 0
     outputs = scratch.outputs
@@ -348,3 +351,4 @@ def start_state(
     stretch = float((np.ptp(state.x, axis=0).max()) / np.ptp(parameters.arrays.x_rest, axis=0).max())
     state.monitor[:] = 0.0
     state.monitor[: trust.CREATED] = least_j, kinetic, strain, gravity, float(handed is not None), 0.0, stretch
+    state.monitor[trust.STORED] = -1.0

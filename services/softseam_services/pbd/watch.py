@@ -9,6 +9,7 @@ from .kernels import summary as k
 from .kernels import trust
 
 GROWS = "the residual grows"
+FEEDS = "the energy rises where tools touch"
 GAINS = "gains energy where tools touch: shorter substeps while they do"
 
 

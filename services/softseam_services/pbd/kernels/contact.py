@@ -346,6 +346,24 @@ def _account_lanes(row, place, share):
         row[lane + EIGHT * (col.MOMENT + 2)] += x * fy - y * fx
 
 
+@batch_kernel
+def _account_yielding(row, motion):
+    """Of the work that `_account_lanes` added: where contact yields what the tool's motion puts in is left of what the
+    normal part does, the rest is in `stored.stored_energy`."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz, bx, by, bz = motion
+    for lane in range(EIGHT):
+        nx, ny = row[lane + EIGHT * (col.GAP + 1)], row[lane + EIGHT * (col.GAP + 2)]
+        nz = row[lane + EIGHT * (col.GAP + 3)]
+        ux, uy = row[lane + EIGHT * col.BEFORE], row[lane + EIGHT * (col.BEFORE + 1)]
+        uz = row[lane + EIGHT * (col.BEFORE + 2)]
+        away = (row[lane] - (xx * ux + xy * uy + xz * uz + bx)) * nx
+        away += (row[lane + EIGHT] - (yx * ux + yy * uy + yz * uz + by)) * ny
+        away += (row[lane + 2 * EIGHT] - (zx * ux + zy * uy + zz * uz + bz)) * nz
+        p = row[lane + EIGHT * col.FORCE] * nx + row[lane + EIGHT * (col.FORCE + 1)] * ny
+        p += row[lane + EIGHT * (col.FORCE + 2)] * nz
+        row[lane + EIGHT * col.WORK] -= p * away if row[lane + EIGHT * col.SOFT] > 0.0 else 0.0
+
+
 @njit(cache=True, error_model="numpy")
 def account_pairs(model, parameters, contacts, xw, share):
     """Add one substep to MEAN, MOMENT, WORK and SLIP_SINCE; share = 1/m, the rest as in `project_contacts`."""
@@ -358,3 +376,5 @@ def account_pairs(model, parameters, contacts, xw, share):
                 continue
             place_group(group, col.X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
             _account_lanes(pairs[group], place, share)
+            if rows[group, col.EDGED]:
+                _account_yielding(pairs[group], twelve(contacts.motion, 0, tool))

@@ -15,7 +15,7 @@ SLIPPED     3  slip in this substep [m]
 SLIP_SINCE  3  slip since the point began to touch [m]
 MEAN        3  force [N], mean over the step so far
 MOMENT      3  torque about the tool's position [N m], mean over the step so far
-WORK        1  work of the tool on the point [J]; friction takes none of it
+WORK        1  work of the tool on the point [J], less what contact that yields stores; friction takes none of it
 DEPTH       1  how much deeper the point was inside the tool at the start of the step than its force says [m]
 GAP         4  gap [m] and normal
 CHANGE      3  the change of FORCE in the last projection [N]
@@ -117,19 +117,17 @@ def place_points(model, parameters, xw, point_x):
 @njit(cache=True, error_model="numpy")
 def _open(group, n_nodes, rows, pairs):
     """An empty group: its lanes follow the padding's nodes, which nothing moves."""
+    rows[group, DIRECT], rows[group, DEEP], rows[group, EDGED] = 1, 0, 0
+    pairs[group, :] = 0.0
     for lane in range(EIGHT):
         rows[group, POINT + lane], rows[group, NODE + lane] = -1, n_nodes + lane
-    rows[group, DIRECT], rows[group, DEEP], rows[group, EDGED] = 1, 0, 0
-    for entry in range(WIDTH):
-        pairs[group, entry] = 0.0
-    for lane in range(EIGHT):
         pairs[group, EIGHT * GRADE + lane] = 1.0
 
 
 @njit(cache=True, error_model="numpy")
 def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
-    """contacts.found (p, 4) <- gap to a tool where it starts, how much deeper than its force says a point is inside
-    [m], in which of RANKS a pair is, and LAG [m]; those that are none have NOT_FOUND.
+    """contacts.found (p, 6) <- gap to a tool where it starts, how much deeper than its force says a point is inside
+    [m], in which of RANKS a pair is, LAG [m], and NEXT of patches; those that are none have NOT_FOUND.
 
     Under tools that go by LAG is 0: other patches would be pressed then, and cut into what yields more."""
     softness, lags, force = parameters.point_give, parameters.point_lag, state.force
@@ -151,6 +149,7 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
             continue
         gap, nx, ny, nz = tool_gap(kind, shape, place, turn, x)
         grade = 1.0
+        found[point, 4], found[point, 5] = lean[point, tool, 0], lean[point, tool, 1]
         if parameters.places[tool] > 0 and point >= model.n_surface:
             gap -= NEAR * parameters.margin
             if gap < margin:
@@ -161,6 +160,8 @@ def _find_gaps(model, parameters, state, inputs, contacts, margin, tool):
                 )[:7]
                 if not carried:
                     lean[point, tool, 0], lean[point, tool, 1] = s, t
+                if depth > 0.0 or not carried:
+                    found[point, 4], found[point, 5] = s, t
                 gap = -depth / grade
         if gap >= margin and not carried:
             state.steady[point, tool] = 0.0
@@ -217,7 +218,7 @@ def _add_pair(model, parameters, state, contacts, tool, point, hh, first_open, n
             row[EIGHT * (PATCH + 3 + c) + lane] = contacts.patch[point, 1, c]
         s, t = state.lean[point, tool, 0], state.lean[point, tool, 1]
         row[EIGHT * LEAN + lane], row[EIGHT * (LEAN + 1) + lane] = s, t
-        row[EIGHT * NEXT + lane], row[EIGHT * (NEXT + 1) + lane] = s, t
+        row[EIGHT * NEXT + lane], row[EIGHT * (NEXT + 1) + lane] = contacts.found[point, 4], contacts.found[point, 5]
         give = 0.0
         for entry in range(first, end):
             give += parameters.inverse_mass[node[entry]] * acting_weight(entry, weight, parameters.tilt, s, t) ** 2
@@ -249,8 +250,7 @@ def find_pairs(model, parameters, state, inputs, contacts, margin, hh):
     Tools are where `inputs` says that they start.
     """
     start, found, newest = contacts.start, contacts.found, contacts.newest
-    n_groups = 0
-    start[0] = 0
+    n_groups, start[0] = 0, 0
     newest[:] = -1
     for tool in range(len(parameters.kind)):
         _find_gaps(model, parameters, state, inputs, contacts, margin, tool)

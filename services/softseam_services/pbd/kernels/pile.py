@@ -21,18 +21,19 @@ from .trust import (
     RETRIES,
     STRETCH,
     fault_of,
+    feeds,
     grows,
     needs_two_sweeps,
     remember,
 )
 
-ATTEMPT, CAUSE, FAULT, SUBSTEPS, SWEEPS, SWEPT, UNFINISHED, HALVED = range(8)
-N_NOTES = 8
-"""of a body's step: its last attempt; why that was made, a fault's number or `LAGGED`; what is wrong with it; its
-substeps and sweeps in each; sweeps of all attempts; substeps that did not reach the residual; whether the next take
-half as long"""
-LAGGED = 4
-"""a cause: the residual grew"""
+ATTEMPT, CAUSE, FAULT, SUBSTEPS, SWEEPS, SWEPT, UNFINISHED, HALVED, WAS_FED = range(9)
+N_NOTES = 9
+"""of a body's step: its last attempt; why that was made, a fault's number, `LAGGED` or `FED`; what is wrong with it;
+its substeps and sweeps in each; sweeps of all attempts; substeps that did not reach the residual; whether the next take
+half as long; whether it was made again as the energy rose where tools touch"""
+LAGGED, FED = 4, 5
+"""causes: the residual grew; the energy rose where tools touch"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -96,14 +97,17 @@ def judge(member, number, notes):
     fault = fault_of(result, monitor, member.roundoff)
     notes[ATTEMPT], notes[FAULT] = number, fault
     lagging = number == 0 and grows(result, monitor)
-    return fault != NONE or lagging, fault if fault != NONE else LAGGED
+    fed = number == 0 and feeds(result, monitor, member.roundoff)
+    notes[WAS_FED] = notes[WAS_FED] or fed
+    return fault != NONE or lagging or fed, fault if fault != NONE else LAGGED if lagging else FED
 
 
 @njit(cache=True, error_model="numpy")
 def keep_figures(member, notes):
     """The last attempt stands: remember its figures in `after`."""
     if notes[FAULT] != DIVERGED:
-        notes[HALVED] = remember(member.after.monitor, member.outputs.result, member.roundoff, member.plans)
+        fed = notes[WAS_FED] > 0
+        notes[HALVED] = remember(member.after.monitor, member.outputs.result, member.roundoff, member.plans, fed)
 
 
 @njit(cache=True, error_model="numpy")

@@ -10,6 +10,7 @@ import numpy as np
 from softseam_services.jit import njit
 from softseam_services.tools.kernels import cell_distances
 
+from . import trust
 from .block import of_batch
 from .contact import account_pairs, begin_pairs
 from .damping import damping_share, note_shapes
@@ -21,7 +22,8 @@ from .monitor import batch_residuals, residual
 from .pairs import acting_weight, find_pairs, look_ahead, place_points, store_pairs
 from .relax import relax
 from .renew import renew, renewed_every
-from .summary import LEAST_J, RESIDUAL, SEAM_WORK, STRAIN, STRETCH, TOOL_WORK, summarise
+from .stored import stored_energy
+from .summary import LEAST_J, RESIDUAL, SEAM_WORK, STORED, STRAIN, STRETCH, TOOL_WORK, summarise
 from .sweep import batch_energies, block_forces, remember, strain_energy
 from .thread_team import done, first_range, next_range, wait_for
 from .tool_motion import tool_motions, tool_pose
@@ -120,6 +122,8 @@ def open_step(model, parameters, state, inputs, scratch, dt, h):
         *(0.0, inputs.position, inputs.orientation, inputs.position_next, inputs.orientation_next),
         *(contacts.position[1], contacts.orientation[1]),
     )
+    if state.monitor[trust.STORED] < 0.0:
+        state.monitor[trust.STORED] = stored_energy(model, parameters, contacts, xw)
     return seam_work
 
 
@@ -257,7 +261,9 @@ def close_step(model, parameters, state, inputs, scratch, outputs, n_substeps, s
     summarise(parameters, state, contacts, n_substeps, result)
     result[STRAIN], result[LEAST_J] = strain_energy(scratch.figures)
     result[RESIDUAL], result[STRETCH] = residual(scratch.figures)
-    result[TOOL_WORK], result[SEAM_WORK] = tool_work, seam_work
+    result[STORED] = stored_energy(model, parameters, contacts, scratch.xw)
+    result[TOOL_WORK] = tool_work + state.monitor[trust.STORED] - result[STORED]
+    result[SEAM_WORK] = seam_work
     cell_distances(
         *(x, model.cell_nodes, parameters.kind, parameters.shape, contacts.position[1], contacts.orientation[1]),
         *(parameters.followed, scratch.node_gap, outputs.distance),

@@ -6,14 +6,15 @@ from softseam_services.jit import njit
 from softseam_services.tools.kernels import tool_gap
 
 from .lanes import four, three
-from .pairs import DEPTH, EIGHT, MEAN, POINT, SLIP_SINCE
+from .pairs import DEPTH, EIGHT, MEAN, POINT, SLIP_SINCE, SOFT
 
 (KINETIC, STRAIN, GRAVITY, TOOL_WORK, SEAM_WORK, PENETRATION, SLIP, N_CONTACTS, LEAST_J, PUSHED) = range(10)
 MOMENTUM, ANGULAR, BOUNDS, RESIDUAL, STRETCH, APPARENT, HASTE = 10, 13, 16, 22, 23, 24, 25
-FASTEST = 26
-N_RESULTS = 27
+FASTEST, STORED = 26, 27
+N_RESULTS = 28
 """of a step; FASTEST [m/s] is of its nodes; APPARENT [J] is what energy seems to rise by without doing so, and HASTE
-[J] h^2/8 f^T M^-1 f of the blocks at its end: the explicit step's, see `leapfrog`, else 0"""
+[J] h^2/8 f^T M^-1 f of the blocks at its end: the explicit step's, see `leapfrog`, else 0; STORED [J] is what contact
+with tools stores as it ends, see `stored`"""
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -83,6 +84,7 @@ def summarise(parameters, state, contacts, n_substeps, result):
                     if followed[tool]:
                         result[SLIP] = max(result[SLIP], _size(pairs, group, SLIP_SINCE, lane))
                 depth = pairs[group, EIGHT * DEPTH + lane]
-                if depth > 0.0:
-                    # A bound of the work that it took to push out a point that was inside a tool at the start.
+                if depth > 0.0 and pairs[group, EIGHT * SOFT + lane] == 0.0:
+                    # A bound of the work that it took to push out a point that was inside a tool at the start; where
+                    # contact yields that is in what it stored.
                     result[PUSHED] += n_substeps * depth * _size(pairs, group, MEAN, lane)
