@@ -1,6 +1,9 @@
 """What makes a class a message, and what every message begins with."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
+from operator import attrgetter
 from typing import TypeVar, dataclass_transform
 
 from softseam_protocol.messages.arrays import Count, IdText, NameText
@@ -18,6 +21,20 @@ def message(declared: type[_T]) -> type[_T]:
     step, of which a hybrid step makes four.
     """
     return dataclass(slots=True)(declared)
+
+
+def changed(one: _T, **fields: object) -> _T:
+    """A message with other values of some fields: `dataclasses.replace`, which takes three times as long."""
+    made = type(one)(*_values_of(type(one))(one))
+    for name, value in fields.items():
+        setattr(made, name, value)
+    return made
+
+
+@cache
+def _values_of(declared: type[_T]) -> Callable[[_T], tuple[object, ...]]:
+    """What reads all fields of a message, of which it has two at least, in the order in which they are given."""
+    return attrgetter(*declared.__slots__)  # type: ignore[attr-defined]
 
 
 @message

@@ -97,9 +97,8 @@ class AfterStep:
         """Let the cuts follow the step; whether one did. Every so often parts keep what they are recovered from."""
         switched = False
         awake = self._bodies.awake
-        adapts = awake if self._clock.step == 1 else awake.keys() & self._bodies.apart.keys()
-        for name, body in awake.items():
-            if name not in adapts:
+        for name, body in (self._bodies.named if self._clock.step == 1 else self._bodies.apart).items():
+            if name not in awake:
                 continue
             energies = self.try_to(partial(body.follow, taken.solutions[name].replies, taken.move.motion))
             if energies is not None:

@@ -13,7 +13,6 @@ from softseam_coupling.loops.loop import Outcome, largest
 from softseam_protocol.messages.outcomes import Figure
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import InterfaceReport, PartReport
-from softseam_protocol.models import facts_of
 from softseam_services.orchestrator.archive import Arrays
 from softseam_services.orchestrator.parts import Parts
 
@@ -176,5 +175,4 @@ class EnergyBalance:
 
 def _in_parts(parts: Parts, replies: Mapping[str, Advanced], solution: Outcome) -> bool:
     """Whether a step was cut: its wrench is of one of its parts then, or a mean, and says nothing of their work."""
-    cutting = [reply for name, reply in replies.items() if facts_of(parts.models[name]).cuts_steps]
-    return solution.parts > 1 or any(reply.figure(Figure.SUBSTEPS) > 1 for reply in cutting)
+    return solution.parts > 1 or any(replies[name].figure(Figure.SUBSTEPS) > 1 for name in parts.cut_steps)

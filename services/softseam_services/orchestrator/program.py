@@ -151,7 +151,7 @@ class Program:
                 break
             progress = Progress(progress.phase + 1)
             position, orientation = _moved(part, position, orientation)
-            if not (self.done(progress) or self._waits(progress, way)):
+            if rest > tick and not (self.done(progress) or self._waits(progress, way)):
                 self.grips.begin(progress.phase, position, orientation)
         return way / self._dt, progress
 

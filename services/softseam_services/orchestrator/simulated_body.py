@@ -240,6 +240,8 @@ class SimulatedBody:
     def book(self, replies: Mapping[str, Advanced], solution: Outcome, drive_work: float) -> Entry:
         """Enter a step into the balance, with the cut that it was taken with, and what the tools' motion put in [J]."""
         entry = self.balance.book(self.regions.parts, replies, solution, drive_work)
+        if not self.losses.watches:
+            return entry
         self._touches[0] = any(reply.wrench.any() for reply in replies.values())
         energy, numbers = entry.energy, self._numbers
         numbers[0], numbers[1], numbers[2] = energy["kinetic"], energy["strain"], energy["dissipation"]
