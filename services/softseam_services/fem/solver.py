@@ -68,6 +68,7 @@ class FemSolver:
         self.stepper = Stepper(scene.models.fem, *solved, self._n_tools)
         """of these two"""
         self._tentative = False
+        self._energy_known = False  # whether work.energy is that of cells at the end of the tentative step
         self._step: tuple[int, int] | None = None
         self._request: Advance  # the last
         self._result: StepResult  # of that
@@ -179,6 +180,7 @@ class FemSolver:
         if self._reduction is not None:
             self._reduction.check(tools)
         stepper, now, end = self.stepper, self.committed, self._next
+        self._energy_known = False
         if not again:
             np.multiply(now.v, request.dt, out=end.x)
             end.x += now.x
@@ -212,7 +214,7 @@ class FemSolver:
     def _failed(self, request: Advance, status: Status, why: str, began: float) -> Advanced:
         now, end = self.committed, self._next
         now.into(end)
-        self._tentative = False
+        self._tentative = self._energy_known = False
         self.stepper.fail(now)
         self._stand(now)
         return self._reply(request, status, why, began)
@@ -250,6 +252,7 @@ class FemSolver:
             reduction.add_up(self._next, self._tools, out, wrench)
         numbers, asked = out.tolist(), request.coupling_asked
         correctable = converged and stepper.correctable
+        self._energy_known = converged and taken is AT_ONCE and not (request.compliance or self.model.n_state)
         alarm = stepper.alarm(self._next, self.times) if converged else ""
         return Advanced(
             (correction or request).header,
@@ -331,13 +334,14 @@ class FemSolver:
 
     def discard(self) -> None:
         """Take the tentative step back; does nothing if there is none."""
-        self._tentative = False
+        self._tentative = self._energy_known = False
 
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
         work = self.stepper.work
-        self._look()
-        strain_energy(self._now.x, self.model, self.parameters, work)
+        if not self._energy_known:
+            self._look()
+            strain_energy(self._now.x, self.model, self.parameters, work)
         energy = work.energy.copy() if self._reduction is None else work.energy[self._reduction.cell]
         return self._reader.read(request_header, self.state, energy, self._scratch, indicators, own)
 
@@ -377,7 +381,7 @@ class FemSolver:
         self._forget()
 
     def _forget(self) -> None:
-        self._tentative = False
+        self._tentative = self._energy_known = False
         self._step = None
         self.stepper.forget()
 

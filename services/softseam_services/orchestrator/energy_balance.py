@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,7 @@ CREATED_LIMIT = 2e-2
 """of what steps create, in sum [1]: what rolls on points that press by an energy gains and loses .016 by turns"""
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(NamedTuple):
     """What a step did to a body."""
 
     parts: dict[str, PartReport]
