@@ -17,6 +17,7 @@ from softseam_protocol.messages import participant as messages
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import FailureKind, Status
 from softseam_protocol.messages.participant import ToolMotion
+from softseam_protocol.messages.pile import Guest
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.parts import Parts
 from softseam_services.orchestrator.step_warnings import Tell
@@ -233,6 +234,7 @@ def _advance_request(
     target = _NO_VECTORS if part.target is None else part.target
     impedance = _AS_SENT if part.impedance is None else part.impedance
     start = _NO_VECTORS if part.start is None else part.start
-    about = target, impedance, fields, start, part.repeat, turn, _AWAKE, []
+    guests: list[Guest] = []
+    about = target, impedance, fields, start, part.repeat, turn, _AWAKE, guests
     asked = _NO_IDS if part.asked is None else part.asked
     return messages.Advance(header, dt, part.force, motion, part.renew, *about, asked)
