@@ -16,8 +16,7 @@ def seldom(
     region is so many times what is solved for."""
     found: dict[str, float] = {}
     if taken is not AT_ONCE:
-        found[Figure.SUBSTEPS], found[Figure.REJECTED] = float(taken.n_accepted), float(taken.n_rejected)
-        found[Figure.STEP_ERROR] = taken.error
+        found[Figure.REJECTED], found[Figure.STEP_ERROR] = float(taken.n_rejected), taken.error
     if model.blends:
         found[Figure.BLENDED] = float(times * int(stepper.work.mixed[0]))
         found[Figure.PASSING] = times * float(end.passed[0] - begun.passed[0])

@@ -275,6 +275,7 @@ class FemSolver:
                 Figure.PENETRATION: numbers[kernel.PENETRATION],
                 Figure.SLIP: numbers[kernel.SLIPPED],
                 Figure.ITERATIONS: numbers[kernel.N_ITERATIONS],
+                Figure.SUBSTEPS: float(taken.n_accepted),
                 **seldom(self.model, stepper, self.committed, self._next, taken, self.times),
                 **({Figure.FASTEST: fastest(self._next.v)} if self._sleeps else {}),
             },
