@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 __all__ = ["Alarm", "Energies", "EnergyLedger", "LedgerEntry", "LedgerState"]
 
@@ -39,8 +40,7 @@ class Alarm(Enum):
         return self.value.format(shorten="take more models.pbd.substeps" if substeps else "shorten the step")
 
 
-@dataclass(frozen=True, slots=True)
-class Energies:
+class Energies(NamedTuple):
     """Energies of the whole body [J]."""
 
     kinetic: float
@@ -83,8 +83,7 @@ class LedgerState:
         return cls(last, scale, tool_work, seam_work, dissipation, switch, pending, created, contact)
 
 
-@dataclass(frozen=True, slots=True)
-class LedgerEntry:
+class LedgerEntry(NamedTuple):
     """The balance of one step [J]."""
 
     kinetic: float

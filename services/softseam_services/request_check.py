@@ -27,7 +27,7 @@ def problem_of(request: Advance, n_tools: int, n_seam: int) -> str:
     asked = request.coupling_asked
     if len(asked) and (asked[0] < 0 or asked[-1] >= n_seam or (np.diff(asked) <= 0).any()):
         return f"the nodes whose answers are asked for are no ascending places among {n_seam} coupling nodes"
-    if request.turn.shape not in ((0,), (22,)) or not np.isfinite(request.turn).all():
+    if len(request.turn) and (request.turn.shape != (22,) or not np.isfinite(request.turn).all()):
         return "the turn of the whole body is 22 finite numbers, or none"
     if not all_finite(*poses, force) or (len(start) and not np.isfinite(start).all()):
         if not (np.isfinite(force).all() and np.isfinite(start).all()):

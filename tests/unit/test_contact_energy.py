@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fem_run import FemRun, block
 from scipy.spatial.transform import Rotation
 
 import softseam
@@ -72,3 +73,24 @@ def test_what_a_turning_tool_puts_in_is_stored_and_given_back() -> None:
     assert strain[1] > 1.2 * strain[0]
     assert strain[2] == pytest.approx(strain[0], rel=1e-3)
     assert abs(lost) < 1e-3 * put_in
+
+
+def test_what_is_stored_as_a_step_ends_is_what_the_next_begins_with() -> None:
+    """A small box is pushed into a block, aside and off: with what contact stores found anew where each step begins,
+    its work is the same to the last bit. So it is after a step that was taken back."""
+    tool = {"kind": "box", "size": (0.012, 0.012, 0.01), "position": (0.003, 0.001, 0.0251), "friction": 0.5}
+    clamped = {"fixed": [{"min": (-1.0, -1.0, -1.0), "max": (1.0, 1.0, 1e-6)}]}
+    scene = block(size=(0.04, 0.03, 0.02), cell=0.01, body=clamped, tools={"box": tool}, step=0.01)
+    kept, anew = FemRun(scene), FemRun(scene)
+    ways = [(0.0, 0.0, -0.02)] * 10 + [(0.03, 0.0, 0.0)] * 5 + [(0.0, 0.0, 0.05)] * 8
+    most = 0.0
+    for number, way in enumerate(ways):
+        anew.work.stored_x[:] = np.nan
+        if number == 7:
+            for run in (kept, anew):
+                run.solver.advance(run.request({"box": (0.0, 0.02, -0.01)}))
+                run.solver.discard()
+        works = [run.step({"box": way}).tool_work for run in (kept, anew)]
+        assert works[0] == works[1]
+        most = max(most, float(kept.work.stored.sum()))
+    assert most > 1e-6 and not kept.work.stored.any()

@@ -101,6 +101,22 @@ def test_as_many_steps_as_the_motion_lasts() -> None:
         assert len(played(step, motion)[0]) - 1 == int(np.ceil(length / step - 1e-9))
 
 
+def test_tools_are_looked_at_once_as_they_begin_to_close(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hold ends with a step, or within one: the grip is found where the closing begins, not also the step before."""
+    for hold, starts in ((0.1, [10]), (0.105, [10])):
+        begun: list[int] = []
+        program, tools, _ = _program(0.01, [{"hold": hold}, SQUEEZE])
+        monkeypatch.setattr(program.grips, "begin", lambda phase, *poses, at=begun: at.append(phase))
+        progress, steps = Progress(), []
+        for step in range(14):
+            before = begun.count(1)
+            _, after = program.step(progress, tools.position, tools.orientation)
+            assert after is not None
+            steps += [step] * (begun.count(1) - before)
+            progress = after
+        assert steps == starts
+
+
 def test_many_short_phases_fit_in_one_step() -> None:
     there = {"tools": ["left"], "move": [0.0, 0.001, 0.0], "speed": 1.0}
     back = {"tools": ["left"], "move": [0.0, -0.001, 0.002], "speed": 1.0}

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any
 
-from softseam_protocol.messages.header import SCHEMA_VERSION, Header
+from softseam_protocol.messages.header import SCHEMA_VERSION, Header, changed
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import (
     Advance,
@@ -193,7 +193,7 @@ def _with_fields(slot: Slot, request: Advance | Correct, reply: Advanced, began:
     """The reply to a tentative step, with the fields where they are asked for; a step whose fields fail is none."""
     if request.fields:  # the solver's clock runs while it advances only
         try:
-            reply = replace(reply, fields=slot.solver.fields(request.header), seconds=perf_counter() - began)
+            reply = changed(reply, fields=slot.solver.fields(request.header), seconds=perf_counter() - began)
         except Exception:
             slot.solver.discard()
             slot.exchange = -1

@@ -214,5 +214,6 @@ _DIFFERENCES = np.array(
 
 def von_mises(cauchy: Floats) -> Floats:
     """von Mises stress sqrt(3/2 s:s) of Cauchy stresses xx yy zz yz xz xy (..., 6) [Pa]."""
-    differences = cauchy @ _DIFFERENCES
-    return np.asarray(np.sqrt(0.5 * np.einsum("...k,...k->...", differences, differences)))
+    differences = cauchy.reshape(-1, 6) @ _DIFFERENCES
+    squares = np.einsum("...k,...k->...", differences, differences)
+    return np.asarray(np.sqrt(0.5 * squares).reshape(cauchy.shape[:-1]))

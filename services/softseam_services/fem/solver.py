@@ -22,6 +22,7 @@ from softseam_services.totals import Totals, fastest
 from .face_forces import taken_over
 from .failures import STATUS
 from .field_reader import FieldReader
+from .figures import seldom
 from .inputs import AT_ONCE, StepInputs, StepResult, at_rest, moved
 from .joints import follow_roots
 from .kernels import step as kernel
@@ -36,8 +37,10 @@ from .step_derivative import Augmentation, FemTape
 from .structures import Tables
 from .work import Work, build_work
 
-_NONE, _FREE, _NO_SUMS = np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0)
-"""no matrix of the seam, no vectors and no numbers"""
+_NONE, _FREE = np.zeros((0, 0)), np.zeros((0, 3))
+"""no matrix of the seam, and no vectors"""
+_ALONE = Coupled(), Coupled(correctable=True)
+"""of a region that nothing joins, whose step cannot be corrected, and can"""
 
 
 class FemSolver:
@@ -68,6 +71,7 @@ class FemSolver:
         self.stepper = Stepper(scene.models.fem, *solved, self._n_tools)
         """of these two"""
         self._tentative = False
+        self._energy_known = False  # whether work.energy is that of cells at the end of the tentative step
         self._step: tuple[int, int] | None = None
         self._request: Advance  # the last
         self._result: StepResult  # of that
@@ -179,6 +183,7 @@ class FemSolver:
         if self._reduction is not None:
             self._reduction.check(tools)
         stepper, now, end = self.stepper, self.committed, self._next
+        self._energy_known = False
         if not again:
             np.multiply(now.v, request.dt, out=end.x)
             end.x += now.x
@@ -212,7 +217,7 @@ class FemSolver:
     def _failed(self, request: Advance, status: Status, why: str, began: float) -> Advanced:
         now, end = self.committed, self._next
         now.into(end)
-        self._tentative = False
+        self._tentative = self._energy_known = False
         self.stepper.fail(now)
         self._stand(now)
         return self._reply(request, status, why, began)
@@ -248,8 +253,8 @@ class FemSolver:
             self._bound(self._next.x, out)
         if reduction is not None and converged:
             reduction.add_up(self._next, self._tools, out, wrench)
-        numbers, asked = out.tolist(), request.coupling_asked
-        correctable = converged and stepper.correctable
+        numbers = out.tolist()
+        self._energy_known = converged and taken is AT_ONCE and not (request.compliance or self.model.n_state)
         alarm = stepper.alarm(self._next, self.times) if converged else ""
         return Advanced(
             (correction or request).header,
@@ -264,32 +269,35 @@ class FemSolver:
             out[kernel.LOWEST : kernel.LOWEST + 6].reshape(2, 3),
             time.perf_counter() - began,
             found.distance.copy() if reduction is None else found.distance[reduction.cell],
-            Coupled(
-                x=found.seam_x.copy(),
-                v=self._now.v[self._region.seam] if len(request.coupling_force_start) else _FREE,
-                force=stepper.work.seam_actual.copy(),
-                work=numbers[kernel.SEAM_WORK],
-                compliance=found.compliance.copy() if request.compliance and converged and self._last else _NONE,
-                root=stepper.new_compliance_root(request.repeat_compliance, asked) if correctable else _NONE,
-                correctable=correctable,
-                sums=sums_of(self.parameters.mass, self._now.x, self._now.v) if len(self.model.seam) else _NO_SUMS,
-            ),
+            self._coupled(request, numbers[kernel.SEAM_WORK], converged),
             extras={
                 Figure.CONTACTS: numbers[kernel.N_CONTACTS],
                 Figure.PENETRATION: numbers[kernel.PENETRATION],
                 Figure.SLIP: numbers[kernel.SLIPPED],
                 Figure.ITERATIONS: numbers[kernel.N_ITERATIONS],
                 Figure.SUBSTEPS: float(taken.n_accepted),
-                Figure.REJECTED: float(taken.n_rejected),
-                Figure.STEP_ERROR: taken.error,
-                Figure.BLENDED: float(self.times * int(stepper.work.mixed[0])),
-                Figure.PASSING: self.times * float(self._next.passed[0] - self.committed.passed[0]),
-                Figure.GIVEN: self.stepper.given,
-                Figure.DISSIPATED: float(self._next.dissipated[0] - self.committed.dissipated[0]),
+                **seldom(self.model, stepper, self.committed, self._next, taken, self.times),
                 **({Figure.FASTEST: fastest(self._next.v)} if self._sleeps else {}),
             },
             why=why,
             alarms={Detail.INSIDE_OUT: alarm} if alarm else {},
+        )
+
+    def _coupled(self, request: Advance, work: float, converged: bool) -> Coupled:
+        """What a step, in which their force did this work [J], did at the coupling nodes."""
+        stepper, now = self.stepper, self._now
+        correctable, asked = converged and stepper.correctable, request.coupling_asked
+        if not len(self.model.seam):
+            return _ALONE[correctable]
+        return Coupled(
+            x=stepper.result.seam_x.copy(),
+            v=now.v[self._region.seam] if len(request.coupling_force_start) else _FREE,
+            force=stepper.work.seam_actual.copy(),
+            work=work,
+            compliance=stepper.result.compliance.copy() if request.compliance and converged and self._last else _NONE,
+            root=stepper.new_compliance_root(request.repeat_compliance, asked) if correctable else _NONE,
+            correctable=correctable,
+            sums=sums_of(self.parameters.mass, now.x, now.v),
         )
 
     def correct(self, request: Correct) -> Advanced:
@@ -331,13 +339,14 @@ class FemSolver:
 
     def discard(self) -> None:
         """Take the tentative step back; does nothing if there is none."""
-        self._tentative = False
+        self._tentative = self._energy_known = False
 
     def fields(self, request_header: Header, indicators: bool = False, own: bool = False) -> Fields:
         """Fields of the last advanced step."""
         work = self.stepper.work
-        self._look()
-        strain_energy(self._now.x, self.model, self.parameters, work)
+        if not self._energy_known:
+            self._look()
+            strain_energy(self._now.x, self.model, self.parameters, work)
         energy = work.energy.copy() if self._reduction is None else work.energy[self._reduction.cell]
         return self._reader.read(request_header, self.state, energy, self._scratch, indicators, own)
 
@@ -377,7 +386,7 @@ class FemSolver:
         self._forget()
 
     def _forget(self) -> None:
-        self._tentative = False
+        self._tentative = self._energy_known = False
         self._step = None
         self.stepper.forget()
 

@@ -82,7 +82,11 @@ class Work(NamedTuple):
     spread: Floats
     """per pair: eq. (3) of tools/kernels/patch.py (5,) [1]"""
     stored: Floats
-    """per pair: what it stores at the end of the step [J], see kernels/contact_work.py"""
+    """what each point stores that yields to a tool (p, t) [J], see kernels/contact_work.py"""
+    stored_x: Floats
+    """with nodes there (n, 3) [m]"""
+    stored_poses: Floats
+    """and tools there (t, 7) [m], [1]"""
     side: NDArray[np.int8]
     """per pair: side of the box that the point faces, -1 where the tool's gap counts, SWEPT or EDGED"""
     plane: Floats
@@ -192,7 +196,9 @@ def build_work(model: FemModel, parameters: FemParameters, n_tools: int) -> Work
         hold=np.zeros((n_pairs, 5)),
         lean=np.zeros((n_pairs, 2)),
         spread=np.zeros((n_pairs, 5)),
-        stored=np.zeros(n_pairs),
+        stored=np.zeros((len(model.point_face), n_tools)),
+        stored_x=np.full((len(model.order), 3), np.nan),
+        stored_poses=np.zeros((n_tools, 7)),
         side=np.zeros(n_pairs, dtype=np.int8),
         plane=np.zeros((n_pairs, 4)),
         state=np.zeros(n_pairs, dtype=np.int8),

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +26,7 @@ Floats = NDArray[np.float64]
 CHECKPOINT_STEPS = 50
 
 
-@dataclass(frozen=True, slots=True)
-class Taken:
+class Taken(NamedTuple):
     """A step, as it was taken."""
 
     solutions: Solutions
@@ -97,9 +95,8 @@ class AfterStep:
         """Let the cuts follow the step; whether one did. Every so often parts keep what they are recovered from."""
         switched = False
         awake = self._bodies.awake
-        adapts = awake if self._clock.step == 1 else awake.keys() & self._bodies.apart.keys()
-        for name, body in awake.items():
-            if name not in adapts:
+        for name, body in (self._bodies.named if self._clock.step == 1 else self._bodies.apart).items():
+            if name not in awake:
                 continue
             energies = self.try_to(partial(body.follow, taken.solutions[name].replies, taken.move.motion))
             if energies is not None:

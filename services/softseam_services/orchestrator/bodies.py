@@ -217,20 +217,20 @@ class Bodies:
 
         Raises StepFailed, ParticipantLost and ParticipantFailed.
         """
-        self._sleeping.wake(motion)
-        asleep = dict(self._sleeping.outcomes)
+        sleeping = self._sleeping
+        sleeping.wake(motion)
+        asleep, any_asleep = dict(sleeping.outcomes), sleeping.any
         if self._ladders:
             self._climb(asleep)
         lone: dict[str, Participants | Pile] = {**self._lone}
-        joined = self._joined
-        if asleep:
-            lone = {name: island for name, island in lone.items() if name not in asleep}
+        joined, again = self._joined, None
         for number, held in enumerate(self._piles.values()):
-            if held.lay(*self._sleeping.of_pile(number)) and not held.guests:
+            if held.lay(*sleeping.of_pile(number)) and not held.guests:
                 lone[held.part] = held
-        if self._sleeping.any:
+        if any_asleep:
+            lone = {name: island for name, island in lone.items() if name not in asleep}
             joined = [island for island in joined if not island.rests(asleep)]
-        again = partial(self._again, motion) if self._sleeping.any else None
+            again = partial(self._again, motion)
         taken = asleep | advance_all(lone, joined, self._transport, motion, fields, then, again)
         for pile in self.piles:
             pile.take(taken.get(pile.pile.part))
@@ -286,6 +286,8 @@ class Bodies:
     def interface_reports(self) -> dict[str, InterfaceReport]:
         """Of the last step, by interface between bodies, in the scene's order: of those that it writes, and of others
         that pressed."""
+        if not self._order:
+            return {}
         found = {name: report for island in self._joined for name, report in island.reports.items()}
         written = self._scene.joints
         found = {name: report for name, report in found.items() if name in written or any(report.total)}

@@ -107,6 +107,8 @@ class Drives:
 
     def apply(self, command: Floats, progress: Progress, orientation: Floats) -> None:
         """Let the drives at work in this phase have their say: command (t, 6) [m/s, rad/s] updated in place."""
+        if not self.drives:
+            return
         self._kept[:] = 0.0
         for row, drive in enumerate(self.drives):
             if not drive.phase <= progress.phase < self._last[row]:
@@ -169,6 +171,8 @@ class Drives:
 
     def measured(self, wrench: Floats, orientation: Floats) -> None:
         """Take in what the body did to the tools (t, 6) [N, N m] in a step that `apply` was called for."""
+        if not self.drives:
+            return
         self.short += self._kept
         for row, drive in enumerate(self.drives):
             felt = (-(wrench[list(drive.tools), :3] * self._ways(drive, orientation)).sum(axis=1)).tolist()

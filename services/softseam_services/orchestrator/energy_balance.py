@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from softseam_coupling.loops.loop import Outcome, largest
 from softseam_protocol.messages.outcomes import Figure
 from softseam_protocol.messages.participant import Advanced
 from softseam_protocol.messages.session import InterfaceReport, PartReport
-from softseam_protocol.models import facts_of
 from softseam_services.orchestrator.archive import Arrays
 from softseam_services.orchestrator.parts import Parts
 
@@ -25,8 +24,7 @@ CREATED_LIMIT = 2e-2
 """of what steps create, in sum [1]: what rolls on points that press by an energy gains and loses .016 by turns"""
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(NamedTuple):
     """What a step did to a body."""
 
     parts: dict[str, PartReport]
@@ -176,5 +174,4 @@ class EnergyBalance:
 
 def _in_parts(parts: Parts, replies: Mapping[str, Advanced], solution: Outcome) -> bool:
     """Whether a step was cut: its wrench is of one of its parts then, or a mean, and says nothing of their work."""
-    cutting = [reply for name, reply in replies.items() if facts_of(parts.models[name]).cuts_steps]
-    return solution.parts > 1 or any(reply.figure(Figure.SUBSTEPS) > 1 for reply in cutting)
+    return solution.parts > 1 or any(replies[name].figure(Figure.SUBSTEPS) > 1 for name in parts.cut_steps)

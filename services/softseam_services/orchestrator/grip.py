@@ -81,9 +81,13 @@ class Grip:
     """e_i of eq. (1) (n, 3)"""
     index: NDArray[np.int64] = field(init=False)
     """`tools`, by which arrays are read (n,)"""
+    rate: float = field(init=False)
+    """how fast the spread falls where each closes at a speed of 1 [1]"""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "uneven", self.inward - self.inward.mean(axis=0))
+        middle = self.inward.mean(axis=0)
+        object.__setattr__(self, "uneven", self.inward - middle)
+        object.__setattr__(self, "rate", 2.0 * (1.0 - float((middle**2).sum())))
         object.__setattr__(self, "index", np.array(self.tools, dtype=np.int64))
 
     @classmethod
@@ -125,14 +129,9 @@ class Grip:
         own = [rotate_back(np.array(self.upright), *way) for way in self.inward]
         return np.array([rotate(turn, *way) for way in own])
 
-    @property
-    def rate(self) -> float:
-        """How fast the spread falls where each closes at a speed of 1 [1]."""
-        return 2.0 * (1.0 - float((self.inward.mean(axis=0) ** 2).sum()))
-
     def force(self, wrench: Floats, orientation: Floats) -> float:
         """Mean force of the body on the tools against their ways [N], of wrenches (t, 6) and orientations (t, 4)."""
-        along = float(np.vdot(self.inward_now(orientation), wrench[self.index, :3]))
+        along = float(np.vdot(self.inward_now(orientation), wrench[:, :3].take(self.index, axis=0)))
         return 0.0 - along / len(self.tools)  # of nothing it is 0, not -0
 
     def compression(self, position: Floats, orientation: Floats) -> float:
@@ -145,7 +144,7 @@ class Grip:
         """Eq. (1) at tool poses (t, 3) [m], (t, 4)."""
         inward = self.inward_now(orientation)
         uneven = self.uneven if inward is self.inward else inward - inward.mean(axis=0)
-        return _spread(uneven, position[self.index])
+        return _spread(uneven, position.take(self.index, axis=0))
 
     def aside(self, position: Floats) -> bool:
         """Whether tools at (t, 3) [m] were moved otherwise than along their ways since they began to close."""

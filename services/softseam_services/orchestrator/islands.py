@@ -41,7 +41,7 @@ def advance_all(
         while now:
             requests: dict[str, Request] = {}
             for island in now.values():
-                requests.update(island.requests(motion, fields))
+                requests |= island.requests(motion, fields)
             replies: dict[str, Reply] = transport.exchange(requests)
             for name, island in now.items():
                 solutions[name] = island.taken(replies)

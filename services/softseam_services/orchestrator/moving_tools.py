@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,7 @@ from softseam_services.tools.travel import beyond_middle
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class Move:
+class Move(NamedTuple):
     """What the tools are to do in a step."""
 
     command: Floats
@@ -40,8 +40,7 @@ class Move:
     """tools that move half their thickness"""
 
 
-@dataclass(frozen=True, slots=True)
-class Moved:
+class Moved(NamedTuple):
     """How the motion stands after a step."""
 
     phase: int

@@ -6,7 +6,7 @@ Which forces act, which exchange is the last, when a step is given up: that the 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from softseam_protocol.messages import participant as messages
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import FailureKind, Status
 from softseam_protocol.messages.participant import ToolMotion
+from softseam_protocol.messages.pile import Guest
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.parts import Parts
 from softseam_services.orchestrator.step_warnings import Tell
@@ -26,6 +27,7 @@ Floats = NDArray[np.float64]
 
 _NOTHING = np.zeros(0)
 _NO_VECTORS, _AS_SENT, _NO_IDS = np.zeros((0, 3)), np.zeros((0, 0)), np.zeros(0, dtype=np.int32)
+_AWAKE = np.zeros(0, dtype=np.int8)
 _NO_REPLIES: Mapping[str, messages.Reply] = {}
 _OLDER = messages.Failure(
     FailureKind.SCHEMA,
@@ -115,14 +117,15 @@ class PartClient:
         wanted: Mapping[str, PartRequest],
         dt: float,
         motion: ToolMotion,
-        fields: Callable[[PartRequest], bool],
+        fields: bool,
         turn: Floats = _NOTHING,
     ) -> dict[str, messages.Request]:
-        """The next exchange of a step of dt [s]; fields: whether a part is asked for its fields, too."""
+        """The next exchange of a step of dt [s]; fields: ask parts for theirs, too, where this may be the last."""
         self._n_asked, self._under_way = self._n_asked + 1, True
         header, n = self._header, self._n_asked
         return {
-            name: _advance_request(header(name, n), dt, motion, one, fields(one), turn) for name, one in wanted.items()
+            name: _advance_request(header(name, n), dt, motion, one, fields and one.last, turn)
+            for name, one in wanted.items()
         }
 
     def advance_next(
@@ -231,6 +234,7 @@ def _advance_request(
     target = _NO_VECTORS if part.target is None else part.target
     impedance = _AS_SENT if part.impedance is None else part.impedance
     start = _NO_VECTORS if part.start is None else part.start
-    about = target, impedance, fields, start, part.repeat, turn
+    guests: list[Guest] = []
+    about = target, impedance, fields, start, part.repeat, turn, _AWAKE, guests
     asked = _NO_IDS if part.asked is None else part.asked
-    return messages.Advance(header, dt, part.force, motion, part.renew, *about, coupling_asked=asked)
+    return messages.Advance(header, dt, part.force, motion, part.renew, *about, asked)

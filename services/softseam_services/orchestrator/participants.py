@@ -17,7 +17,6 @@ from softseam_coupling.loops.loop import Correction, First, Outcome, PartRequest
 from softseam_protocol.messages import participant as messages
 from softseam_protocol.messages.outcomes import Detail, Figure
 from softseam_protocol.messages.participant import ToolMotion
-from softseam_protocol.models import facts_of
 from softseam_protocol.scene.scene import Scene
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.coupling import Coupling
@@ -34,6 +33,7 @@ Tied = tuple[Parts, Coupling | None]
 _NOTHING = np.zeros(0)
 _FREE = np.zeros((0, 3))
 """no forces: of a part that nothing ties"""
+_UNTIED = PartRequest(_FREE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +132,8 @@ class Participants:
     def requests(self, motion: ToolMotion, fields: bool) -> dict[str, messages.Request]:
         """What parts that nothing ties are asked for in a step; their replies go to `taken`."""
         self.make_ready()
-        free = {name: PartRequest(_FREE) for name in self.parts.names}
-        return self.asked(free, self._clock.dt, motion, fields)
+        free = dict.fromkeys(self.parts.names, _UNTIED)
+        return self._client.advance(free, self._clock.dt, motion, fields)
 
     def taken(self, replies: Mapping[str, messages.Reply]) -> Outcome:
         """Parts that nothing ties have answered `requests`. Raises StepFailed."""
@@ -164,7 +164,7 @@ class Participants:
     ) -> dict[str, messages.Request]:
         """What the next exchange of a step of dt [s] asks its parts for."""
         mine = {name: wanted[name] for name in self.parts.names}
-        return self._client.advance(mine, dt, motion, lambda _: fields, turn)
+        return self._client.advance(mine, dt, motion, fields, turn)
 
     def corrected(self, corrections: Mapping[str, Correction], fields: bool) -> dict[str, messages.Request]:
         """What moves its parts on, as a step ends."""
@@ -217,10 +217,11 @@ class Participants:
 
     def _tell_cuts(self, solution: Outcome) -> None:
         """Say where a model could not take the step at once; PBD's monitor says it itself."""
-        for name, reply in solution.replies.items():
-            asked_for = self._scene.models.fem.step_error is not None
-            count = int(reply.figure(Figure.SUBSTEPS))
-            if count > solution.parts and facts_of(self.parts.models[name]).cuts_steps and not asked_for:
+        if self._scene.models.fem.step_error is not None:
+            return  # that is asked for
+        for name in self.parts.cut_steps:
+            count = int(solution.replies[name].figure(Figure.SUBSTEPS))
+            if count > solution.parts:
                 taken = f"step {self._clock.step}, {name} ({self.parts.models[name]}): taken in {count} parts"
                 self._tell("step", taken, count=count)
 
@@ -242,7 +243,7 @@ class Participants:
                 client.skip()
                 return client.exchange(ahead.left, ahead.replies)
             again = not client.begins
-            requests = client.advance(wanted, dt, motion, lambda part: fields and part.last and again, said)
+            requests = client.advance(wanted, dt, motion, fields and again, said)
             return client.exchange(requests)
 
         def correct(corrections: dict[str, Correction], first: First) -> dict[str, messages.Advanced]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.names import within
 from softseam_protocol.messages.participant import BodyState, Fields, PartMesh
 from softseam_protocol.messages.session import Frame
+from softseam_protocol.models import facts_of
 from softseam_services.body.body import Body
 from softseam_services.body.build import AnyBody
 from softseam_services.body.hardly_filled import HardlyFilled
@@ -42,10 +44,15 @@ class Parts:
     joints: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
     """global ids of the nodes of a whole body on which interfaces to others act, ascending (j,)"""
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Ids of the parts."""
         return tuple(self.cells)
+
+    @cached_property
+    def cut_steps(self) -> tuple[str, ...]:
+        """Ids of those whose models cut a step that they cannot take at once."""
+        return tuple(name for name in self.names if facts_of(self.models[name]).cuts_steps)
 
     @property
     def interface(self) -> str:

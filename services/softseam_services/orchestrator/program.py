@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,14 +40,13 @@ _WAY, _HANDS = (MovePhase, TurnPhase), (GripPhase, ReleasePhase)
 """phases in which tools have a way to go, and in which they take or let go particles"""
 
 
-@dataclass(frozen=True, slots=True)
-class Progress:
+class Progress(NamedTuple):
     """Where the motion stands: all that evolves."""
 
     phase: int = 0
     elapsed: float = 0.0
     """in this phase [s]"""
-    search: ForceSearch = field(default_factory=ForceSearch)
+    search: ForceSearch = ForceSearch()
     """of the force that ends it"""
 
 
@@ -151,7 +150,7 @@ class Program:
                 break
             progress = Progress(progress.phase + 1)
             position, orientation = _moved(part, position, orientation)
-            if not (self.done(progress) or self._waits(progress, way)):
+            if rest > tick and not (self.done(progress) or self._waits(progress, way)):
                 self.grips.begin(progress.phase, position, orientation)
         return way / self._dt, progress
 

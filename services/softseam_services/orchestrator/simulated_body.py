@@ -197,10 +197,10 @@ class SimulatedBody:
         if felt and (found["slip"] > 0.0 or not self._felt):  # else it was lost within the step
             self._slip = found["slip"]
         found["slip"], self._felt = self._slip, felt
-        probed = {}
+        found = self._named(found)
         if frame is not None and self._probes is not None:
-            probed = self._probes.measure(frame, self.regions.rule.models)
-        return self._named(found) | probed
+            found |= self._probes.measure(frame, self.regions.rule.models)
+        return found
 
     def at_rest(self, position: Floats, orientation: Floats, frame: Frame | None) -> dict[str, float]:
         """Quantities before the first step; those that need fields only with a frame."""
@@ -240,6 +240,8 @@ class SimulatedBody:
     def book(self, replies: Mapping[str, Advanced], solution: Outcome, drive_work: float) -> Entry:
         """Enter a step into the balance, with the cut that it was taken with, and what the tools' motion put in [J]."""
         entry = self.balance.book(self.regions.parts, replies, solution, drive_work)
+        if not self.losses.watches:
+            return entry
         self._touches[0] = any(reply.wrench.any() for reply in replies.values())
         energy, numbers = entry.energy, self._numbers
         numbers[0], numbers[1], numbers[2] = energy["kinetic"], energy["strain"], energy["dissipation"]
@@ -248,7 +250,9 @@ class SimulatedBody:
             self._tell("damped", f"step {self._clock.step - 1}: {said}")
         return entry
 
-    def _named(self, quantities: Mapping[str, float]) -> dict[str, float]:
+    def _named(self, quantities: dict[str, float]) -> dict[str, float]:
+        if not self._prefix:
+            return quantities
         return {self._prefix + name: value for name, value in quantities.items()}
 
     # ---- snapshots

@@ -149,10 +149,9 @@ class Sleeping:
 
     def wake(self, motion: ToolMotion) -> None:
         """A step begins: wake whoever has a reason. Where all sleep and saw the same tools stand still, none has."""
-        known = self._known
-        if not known.asleep.any():
+        if not self.any:
             return
-        around = self._around(motion)
+        known, around = self._known, self._around(motion)
         seen: tuple[bytes, ...] = ()
         if known.asleep.all() and not around.moving.any():
             seen = motion.position_next.tobytes(), motion.orientation_next.tobytes()

@@ -36,8 +36,14 @@ class StepLosses:
     def __init__(self, setups: Sequence[Setup]) -> None:
         self._least = np.array([_falling(setup) for setup in setups])
         self._watched = np.array([_loses_by_steps(setup) for setup in setups], dtype=np.bool_)
+        self._may_lose = bool(self._watched.any())
         self._takes_substeps = [some_read([setup.scene.regions.default], "pbd.substeps") for setup in setups]
         self.forget()
+
+    @property
+    def watches(self) -> bool:
+        """Whether steps may come to anything that is to be said."""
+        return self._may_lose
 
     def forget(self) -> None:
         """The last step is another's."""

@@ -46,6 +46,32 @@ def stored_energy(c, x, position, orientation, model, parameters, tools, work):
 
 
 @njit(cache=True, error_model="numpy")
+def is_stored_at(x, position, orientation, work):
+    """Whether work.stored is of nodes at x (n, 3) and tools in these poses (t, 3), (t, 4), as a rule where a step
+    begins: there the one before it ended."""
+    for tool in range(len(position)):
+        for i in range(3):
+            if work.stored_poses[tool, i] != position[tool, i]:
+                return False
+        for i in range(4):
+            if work.stored_poses[tool, 3 + i] != orientation[tool, i]:
+                return False
+    for node in range(len(x)):
+        for i in range(3):
+            if work.stored_x[node, i] != x[node, i]:
+                return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def note_stored_at(x, position, orientation, work):
+    """work.stored is of nodes and tools there."""
+    work.stored_x[:] = x
+    work.stored_poses[:, :3] = position
+    work.stored_poses[:, 3:] = orientation
+
+
+@njit(cache=True, error_model="numpy")
 def find_turn(tools, tool, turn):
     """turn (3,) <- how far a tool turns in the step, about each axis [rad]; returns whether it does."""
     q, p = tools.orientation[tool], tools.orientation_next[tool]

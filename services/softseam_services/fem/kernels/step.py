@@ -12,7 +12,7 @@ from .candidates import find_candidates
 from .contact import acting_place, augment, evaluate_contacts, next_anchor, patch_edges, point_position
 from .contact_changes import add_resistance
 from .contact_columns import ANCHOR, GAP, NORMAL, OPEN, PRESSURE, RELAXED, SLIDE, TRACTION
-from .contact_work import add_tool_way, find_turn, stored_energy, yields
+from .contact_work import add_tool_way, find_turn, is_stored_at, note_stored_at, stored_energy, yields
 from .elements import strain_energy
 from .linear_answer import move_on
 from .newton import (
@@ -52,15 +52,18 @@ def _record_contacts(now, end, count, model, parameters, tools, work, result):
     wrench[:] = 0.0
     out[PENETRATION] = out[SLIPPED] = out[N_CONTACTS] = out[TOOL_WORK] = 0.0
     arm, begun, turn, way = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    known = is_stored_at(now.x, tools.position, tools.orientation, work)
     for c in range(count):
         point, tool = work.pair[c, 0], work.pair[c, 1]
         row, touched = work.contact[c], False
         for i in range(3):
             touched = touched or contact0[point, tool, i] != 0.0
-        work.stored[c] = 0.0
+        stored, work.stored[point, tool] = work.stored[point, tool], 0.0
         if touched and yields(c, work):
-            position, orientation = tools.position[tool], tools.orientation[tool]
-            out[TOOL_WORK] += stored_energy(c, now.x, position, orientation, model, parameters, tools, work)
+            if not known:
+                position, orientation = tools.position[tool], tools.orientation[tool]
+                stored = stored_energy(c, now.x, position, orientation, model, parameters, tools, work)
+            out[TOOL_WORK] += stored
         if work.state[c] == OPEN:
             continue
         out[N_CONTACTS] += 1.0
@@ -84,8 +87,9 @@ def _record_contacts(now, end, count, model, parameters, tools, work, result):
             arm[i] -= tools.position_next[tool, i]
         if yields(c, work):
             position, orientation = tools.position_next[tool], tools.orientation_next[tool]
-            work.stored[c] = stored_energy(c, x, position, orientation, model, parameters, tools, work)
-            out[TOOL_WORK] -= work.stored[c]
+            stored = stored_energy(c, x, position, orientation, model, parameters, tools, work)
+            work.stored[point, tool] = stored
+            out[TOOL_WORK] -= stored
             for i in range(3):
                 out[TOOL_WORK] += row[TRACTION + i] * way[i]
                 way[i] = 0.0
@@ -101,6 +105,7 @@ def _record_contacts(now, end, count, model, parameters, tools, work, result):
         wrench[tool, 3] -= arm[1] * fz - arm[2] * fy
         wrench[tool, 4] -= arm[2] * fx - arm[0] * fz
         wrench[tool, 5] -= arm[0] * fy - arm[1] * fx
+    note_stored_at(x, tools.position_next, tools.orientation_next, work)
 
 
 @njit(cache=True, error_model="numpy")
@@ -124,8 +129,8 @@ def _follow_contacts(x0, x, count, model, parameters, tools, work, result):
         if by_energy:
             position, orientation = tools.position_next[tool], tools.orientation_next[tool]
             stored = stored_energy(c, x, position, orientation, model, parameters, tools, work)
-            out[TOOL_WORK] += work.stored[c] - stored
-            work.stored[c] = stored
+            out[TOOL_WORK] += work.stored[point, tool] - stored
+            work.stored[point, tool] = stored
         if work.factored_state[point, tool] == OPEN:
             continue
         _moved_by(work.d, model, parameters, point, moved)
@@ -151,6 +156,7 @@ def _follow_contacts(x0, x, count, model, parameters, tools, work, result):
                 pressed = along * row[NORMAL + i]
                 out[TOOL_WORK] += (force[each, i] - pressed) * begun[each, i] + pressed * way[i]
                 wrench[tool, 3 + i] -= place[each, j] * force[each, k] - place[each, k] * force[each, j]
+    note_stored_at(x, tools.position_next, tools.orientation_next, work)
 
 
 @njit(cache=True, error_model="numpy")
