@@ -88,11 +88,12 @@ def _warm(what: Sequence[str], whole: bool) -> int:
 
 def show_health(options: BusOptions, roles: Sequence[str]) -> int:
     """Print the health of services; 0 if all are well, 1 if not, 2 where no router answers."""
+    from softseam_protocol.bus.keys import VIEWER
     from softseam_services.health import probe
 
     services = tuple(role for role in roles if role != "router")
     try:
-        with options.open() as bus:
+        with options.open(VIEWER) as bus:
             found = probe(bus, options.keys, services) if services else []
     except ProtocolError as error:
         say(str(error))
