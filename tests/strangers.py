@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import os
 import time
@@ -55,18 +56,23 @@ def listeners(pid: int) -> set[int]:
     return {int(row[1].rpartition(":")[2], 16) for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in sockets}
 
 
-def join(endpoint: str, credentials: tuple[str, str] | None, timeout: float = 1.5) -> Any:
-    """A session of zenoh, by a user and a password or without, or None where it is not let in."""
+def join(endpoint: str, credentials: tuple[str, str] | None, authority: str = "") -> Any:
+    """A session of zenoh, by a user and a password or without, or None where it is not let in.
+
+    authority  the certificate (PEM) by which it knows an encrypted door
+    """
     config = zenoh.Config()
     settings: dict[str, object] = {
         "mode": "client",
         "connect/endpoints": [endpoint],
-        "connect/timeout_ms": int(1000 * timeout),
+        "connect/timeout_ms": 1500,
         "scouting/multicast/enabled": False,
     }
     if credentials is not None:
         user, password = credentials
         settings |= {"transport/auth/usrpwd/user": user, "transport/auth/usrpwd/password": password}
+    if authority:
+        settings["transport/link/tls/root_ca_certificate_base64"] = base64.b64encode(authority.encode()).decode()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     try:

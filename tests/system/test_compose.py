@@ -91,7 +91,7 @@ def deployment() -> Iterator[Deployment]:
     port, page, data = free_port(), free_port(), free_port()
     env |= {"SOFTSEAM_IMAGE": "softseam-test", "SOFTSEAM_PORT": str(port)}
     env |= {"SOFTSEAM_PAGE_PORT": str(page), "SOFTSEAM_DATA_PORT": str(data)}
-    running = Deployment(env, f"softseam-test-{port}", f"tcp/127.0.0.1:{port}", page, data)
+    running = Deployment(env, f"softseam-test-{port}", f"tls/127.0.0.1:{port}", page, data)
     try:
         running.compose("up", "-d")
         running.wait_well()
@@ -166,7 +166,7 @@ def test_a_frozen_solver_is_replaced_inside_its_container(
 def test_the_client_of_the_image_runs_a_scene_and_it_is_recorded(deployment: Deployment) -> None:
     """The `client` profile: the command line inside of the network; the recorder's file is whole and readable."""
     script = (
-        "import softseam; s = softseam.open('tofu_grasp', model='hybrid', connect='tcp/router:7447', record=True); "
+        "import softseam; s = softseam.open('tofu_grasp', model='hybrid', connect='tls/router:7447', record=True); "
         "s.reset(); o = s.step(count=5); s.close(); print('reached', round(o.time, 6))"
     )
     said = deployment.compose("run", "--rm", "-T", "--entrypoint", "python", "client", "-c", script)
@@ -176,7 +176,7 @@ def test_the_client_of_the_image_runs_a_scene_and_it_is_recorded(deployment: Dep
 
 def test_the_recording_is_shown_as_a_web_page(deployment: Deployment) -> None:
     """The `viz` profile: a page on this host's loopback, and behind it the newest recording of the volume."""
-    script = "import softseam; s = softseam.open('tofu_grasp', connect='tcp/router:7447', record=True); s.reset(); "
+    script = "import softseam; s = softseam.open('tofu_grasp', connect='tls/router:7447', record=True); s.reset(); "
     script += "s.step(count=5); s.close()"
     deployment.compose("run", "--rm", "-T", "--entrypoint", "python", "client", "-c", script)
     deployment.compose("--profile", "viz", "up", "-d", "viz")

@@ -116,7 +116,7 @@ class Bus(BusSession):
             "connect/timeout_ms": max(1, int(connect_timeout * 1000)),
             "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
         }
-        key = _awaited_key(role, self.endpoints, connect_timeout)
+        self.key = key = _awaited_key(role, self.endpoints, connect_timeout)
         doors = service_settings(key, self.endpoints, listen) if listen else joining(key, self.endpoints)
         try:
             super().__init__("client", (), self.endpoints, {**retry, **doors, **(extra or {})})

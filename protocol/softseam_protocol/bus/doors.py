@@ -4,6 +4,7 @@ import base64
 import ipaddress
 import re
 import socket
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -19,6 +20,8 @@ _HOST_PORT = re.compile(r"[a-z]+/([^?#]+):(\d{1,5})([?#].*)?")
 _OTHER = re.compile(r"[^/?#]+/[^?#]+.*")
 _PROBE = 1.0
 """longest wait for a sign of what listens somewhere [s]"""
+
+_DAY = 24 * 60 * 60
 
 Settings = Mapping[str, object]
 
@@ -194,7 +197,7 @@ def _not_spoken(endpoint: str, authority: str) -> str:
 
     encrypted = _encrypted(endpoint)
     try:
-        shown_until(endpoint, authority if encrypted else "")
+        _shown_until(endpoint, authority if encrypted else "")
     except ssl.SSLCertVerificationError as error:
         return f"its certificate is not accepted: {error.verify_message.rstrip('.')}"
     except OSError:
@@ -206,7 +209,13 @@ def _not_spoken(endpoint: str, authority: str) -> str:
     return "" if encrypted else f"what listens there is encrypted: connect to tls/{endpoint.partition('/')[2]}"
 
 
-def shown_until(endpoint: str, authority: str) -> float:
+def days_left(endpoints: Iterable[str], key: Key) -> float | None:
+    """For how long the router's certificate is good [days]; None where it shows none. Raises OSError."""
+    ends = [_shown_until(endpoint, key.authority) for endpoint in endpoints if _encrypted(endpoint)]
+    return (min(ends) - time.time()) / _DAY if ends else None
+
+
+def _shown_until(endpoint: str, authority: str) -> float:
     """When the certificate that an endpoint shows ends, in seconds since 1970; 0 without an authority to check it by.
 
     Raises OSError, ssl.SSLCertVerificationError among them.
