@@ -19,15 +19,7 @@ import zenoh
 
 from softseam_protocol.bus.asking import Asker, Pending, understood
 from softseam_protocol.bus.declared import Declared
-from softseam_protocol.bus.doors import (
-    check_endpoints,
-    joining,
-    listens,
-    nobody,
-    refusal,
-    router_settings,
-    service_settings,
-)
+from softseam_protocol.bus.doors import check_endpoints, settings_of, unanswered
 from softseam_protocol.bus.inbox import Inbox, LiveChange, Received
 from softseam_protocol.bus.keys import CLIENT, SERVICE, Key, make_keys, read_key
 from softseam_protocol.bus.liveness import LiveTokens
@@ -74,7 +66,7 @@ class Router(BusSession):
         self.endpoints, others = as_endpoints(listen), as_endpoints(connect)
         check_endpoints(others, self.endpoints)
         make_keys()
-        doors = router_settings(read_key(SERVICE), self.endpoints, others)
+        doors = settings_of(read_key(SERVICE), others, self.endpoints, router=True)
         try:
             super().__init__("router", self.endpoints, others, {**doors, **(extra or {})})
         except zenoh.ZError as error:
@@ -116,13 +108,14 @@ class Bus(BusSession):
             "connect/timeout_ms": max(1, int(connect_timeout * 1000)),
             "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
         }
-        self.key = key = _awaited_key(role, self.endpoints, connect_timeout)
-        doors = service_settings(key, self.endpoints, listen) if listen else joining(key, self.endpoints)
+        self.key = _awaited_key(role, self.endpoints, connect_timeout)
+        doors = settings_of(self.key, self.endpoints, listen)
         try:
             super().__init__("client", (), self.endpoints, {**retry, **doors, **(extra or {})})
         except zenoh.ZError as error:
-            if "Unable to connect" in str(error):
-                raise refusal(self.endpoints, key, connect_timeout) from None
+            why = unanswered(self.endpoints, connect_timeout, self.key) if "Unable to connect" in str(error) else None
+            if why is not None:
+                raise why from None
             raise BusError(f"cannot connect to {', '.join(self.endpoints)}: {first_sentence(error)}") from None
         self._aside = {key: value for key, value in (extra or {}).items() if key not in _OF_PEERS}
         self._links = PeerLinks(self._mend, LEASE)
@@ -359,8 +352,9 @@ def _awaited_key(role: str, endpoints: Sequence[str], timeout: float) -> Key:
         try:
             return read_key(role)
         except NoKey:
-            if any(map(listens, endpoints)):  # a router makes keys before it listens
+            why = unanswered(endpoints, timeout, None)
+            if why is None:  # a router makes keys before it listens
                 raise
             if time.monotonic() > end:
-                raise nobody(endpoints, timeout) from None
+                raise why from None
             time.sleep(_RETRY)

@@ -81,24 +81,24 @@ def check_private(path: Path) -> None:
 def make_keys() -> Path:
     """The folder of all keys; they are made, all or none, where there are none yet. Raises BadKey."""
     folder = key_place()
+    whole = folder / f"{SERVICE}.key"
     try:
-        if not (folder / f"{SERVICE}.key").exists():
-            if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-                raise BadKey(f"a router needs all keys, and {folder} lacks {SERVICE}.key: name another SOFTSEAM_KEYS")
+        if not whole.exists():
             folder.parent.mkdir(parents=True, exist_ok=True)
             made = Path(tempfile.mkdtemp(prefix=".keys-", dir=folder.parent))
             try:
                 write_keys(made)
                 made.rename(folder)
-            except OSError:  # another router was first
-                if not (folder / f"{SERVICE}.key").exists():
+            except OSError:
+                if not whole.exists():  # else another router was first
                     raise
             finally:
                 shutil.rmtree(made, ignore_errors=True)
         check_private(folder)
     except OSError as error:
         raise BadKey(
-            f"no keys can be made in {folder}: {error.strerror}; name another folder by SOFTSEAM_KEYS"
+            f"a router needs all keys; {folder} lacks {whole.name}, which cannot be made ({error.strerror}): name "
+            "another folder by SOFTSEAM_KEYS"
         ) from None
     return folder
 
@@ -108,19 +108,18 @@ def write_keys(folder: Path, keep: bool = False) -> None:
 
     Raises OSError.
     """
+    vouches = folder / CERTIFICATES / "ca.pem"
+    authority = vouches.read_text(encoding="ascii") if vouches.exists() else ""
     lines = {}
     for role in ROLES:
         path = folder / f"{role}.key"
         lines[role] = path.read_text().split("\n", 1)[0] if keep else f"{role}:{secrets.token_hex(16)}"
-    vouches = folder / CERTIFICATES / "ca.pem"
-    authority = vouches.read_text(encoding="ascii") if vouches.exists() else ""
-    for role, line in lines.items():
-        write_private(folder / f"{role}.key", f"{line}\n{authority}")
-    write_private(folder / SERVICES_ADMIT, f"{lines[SERVICE]}\n")
-    write_private(folder / ROUTER_ADMITS, "".join(f"{line}\n" for line in lines.values()))
+        _write(path, f"{lines[role]}\n{authority}")
+    _write(folder / SERVICES_ADMIT, f"{lines[SERVICE]}\n")
+    _write(folder / ROUTER_ADMITS, "".join(f"{line}\n" for line in lines.values()))
 
 
-def write_private(path: Path, text: str) -> None:
+def _write(path: Path, text: str) -> None:
     """Replace a file by one that nobody else may read."""
     handle, name = tempfile.mkstemp(dir=path.parent)  # of mode 0600
     with os.fdopen(handle, "w", encoding="ascii") as file:
