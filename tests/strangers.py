@@ -23,6 +23,7 @@ from softseam_protocol.messages.participant import Bundle, Failure, Release, Rel
 from softseam_protocol.messages.recording import Begin, End, Recorded
 from softseam_protocol.messages.session import (
     Close,
+    Closed,
     Event,
     Load,
     Observation,
@@ -308,3 +309,21 @@ def obeyed(attack: Attack, attempts: Iterable[str] = tuple(ATTEMPTS)) -> set[str
     """The attempts that were obeyed."""
     looks(attack)
     return {name for name in attempts if ATTEMPTS[name](attack)}
+
+
+def mumbles(attack: Attack, frames: int, seed: int) -> int:
+    """Send the orchestrator what are no requests, or hardly; how many were answered otherwise than by a Failure."""
+    random = np.random.default_rng(seed)
+    name = attack.victim.session
+    whole = [encode(make(attack.header(name))) for make in (Save, Close)]
+    whole += [encode(Step(attack.header(name), 1, True, {})), encode(Load(attack.header(name), bytes(300)))]
+    whole += [encode(Reset(attack.header(name), 1, attack.bundle)), encode(End(attack.header(name), "mumbled"))]
+    obeyed = 0
+    for _ in range(frames):
+        frame = bytearray(whole[random.integers(len(whole))])
+        for place in random.integers(len(frame), size=random.integers(1, 9)):
+            frame[place] = random.integers(256)
+        del frame[random.integers(1, 2 * len(frame)) :]
+        for reply in attack.session.get(KEYS.orchestrator, payload=bytes(frame), timeout=_SOON):
+            obeyed += reply.ok is not None and not isinstance(decode(reply.ok.payload.to_bytes()), Closed)
+    return obeyed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import strangers
@@ -18,6 +19,7 @@ from softseam_protocol.messages.session import StepReport
 from softseam_services.health import expected
 
 STEPS = 12
+FRAMES = 2000
 RIGHTS = {
     "nobody": (),
     VIEWER: ("joins", "watches"),
@@ -73,6 +75,21 @@ def test_nobody_is_let_in_at_a_service_s_own_listener(services: Services, servic
     assert ports
     for port in ports:
         assert strangers.join(f"tcp/127.0.0.1:{port}", credentials(who)) is None
+
+
+def test_what_a_client_mumbles_disturbs_nobody(
+    services: Services, bar: Bundle, victim: ConnectedBackend, undisturbed: list[StepReport]
+) -> None:
+    """Requests with bytes changed, cut off or both, while another client's run has the bits that it has alone."""
+    victim.reset(0)
+    stranger = strangers.join(services.endpoint, credentials(CLIENT))
+    with services.options.open() as friend, ThreadPoolExecutor(1) as pool:
+        mumbled = pool.submit(strangers.mumbles, Attack(stranger, victim, friend, bar), FRAMES, 1)
+        while not mumbled.done():
+            victim.reset(0)
+            assert first_difference(undisturbed, reports(victim, STEPS)) == ""
+        assert mumbled.result() == 0
+    stranger.close()
 
 
 def tried(endpoint: str, who: str, services: Services, bar: Bundle, victim: ConnectedBackend) -> str:
