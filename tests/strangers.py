@@ -57,15 +57,18 @@ def listeners(pid: int) -> set[int]:
     return {int(row[1].rpartition(":")[2], 16) for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in sockets}
 
 
-def join(endpoint: str, credentials: tuple[str, str] | None, authority: str = "") -> Any:
+def join(endpoint: str, credentials: tuple[str, str] | None, authority: str = "", mode: str = "client") -> Any:
     """A session of zenoh, by a user and a password or without, or None where it is not let in.
 
     authority  the certificate (PEM) by which it knows an encrypted door
+    mode       of zenoh: what it says that it is
     """
     config = zenoh.Config()
     settings: dict[str, object] = {
-        "mode": "client",
+        "mode": mode,
+        "listen/endpoints": [],
         "connect/endpoints": [endpoint],
+        "connect/exit_on_failure": True,
         "connect/timeout_ms": 1500,
         "scouting/multicast/enabled": False,
     }

@@ -8,7 +8,7 @@ import os
 import secrets
 import shutil
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from softseam_protocol.errors import BadKey, NoKey
@@ -27,7 +27,7 @@ class Key:
     """What a process joins by."""
 
     role: str
-    password: str
+    password: str = field(repr=False)
     authority: str
     """certificate that vouches for the router, PEM; empty where there is none"""
     path: Path
