@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import subprocess
+import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -15,7 +17,7 @@ from asked import free_endpoint, served, until
 from softseam_protocol.bus.certificates import prepare
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.bus.keys import CLIENT, SERVICE, read_key
-from softseam_protocol.errors import BadKey, BusError, KeyRefused
+from softseam_protocol.errors import BadKey, BusError, KeyRefused, NoKey
 from softseam_protocol.topics import Keys
 from softseam_services.__main__ import show_health
 from softseam_services.bus_options import BusOptions
@@ -155,6 +157,22 @@ def test_files_that_were_handed_out_outlive_the_certificate(folder: Path) -> Non
     shown = (folder / "tls" / "host.pem").read_text()
     assert prepare(("lab.example", "192.0.2.7"), renew=False).read_text() == first
     assert (folder / "tls" / "host.pem").read_text() != shown
+
+
+def test_who_waits_for_keys_finds_them_whole(folder: Path) -> None:
+    """With the certificate of who vouches for the router, which takes openssl a while."""
+    found: list[str] = []
+
+    def wait() -> None:
+        while not found:
+            with suppress(NoKey):
+                found.append(read_key(CLIENT).authority)
+
+    waiting = threading.Thread(target=wait)
+    waiting.start()
+    prepare(("lab.example",), renew=False)
+    waiting.join()
+    assert found == [(folder / "tls" / "ca.pem").read_text()]
 
 
 def test_files_of_one_s_own_are_left_alone_and_handed_out(folder: Path) -> None:

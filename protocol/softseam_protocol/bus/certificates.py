@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from softseam_protocol.bus.keys import CERTIFICATES, CLIENT, check_private, make_keys, write_keys
+from softseam_protocol.bus.keys import CERTIFICATES, CLIENT, SERVICE, key_place, make_keys, write_keys
 from softseam_protocol.errors import BadKey
 
 _NEW_KEY = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
@@ -26,14 +26,19 @@ def prepare(hosts: Sequence[str], renew: bool) -> Path:
 
     Returns the file to hand to clients. Raises BadKey.
     """
-    folder = make_keys()
-    try:
+
+    def fill(folder: Path) -> None:
         if hosts:
             _certify(folder, hosts)
-        check_private(folder)
-        write_keys(folder, keep=not renew)
-    except OSError as error:
-        raise BadKey(f"keys cannot be written in {folder}: {error}") from None
+        write_keys(folder, keep=not renew and (folder / f"{CLIENT}.key").exists())
+
+    there = (key_place() / f"{SERVICE}.key").exists()
+    folder = make_keys(fill)  # whole, for services may be waiting for it
+    if there:
+        try:
+            fill(folder)
+        except OSError as error:
+            raise BadKey(f"keys cannot be written in {folder}: {error}") from None
     return folder / f"{CLIENT}.key"
 
 
@@ -57,8 +62,9 @@ def _certify(folder: Path, hosts: Sequence[str]) -> None:
         _openssl(made, "req", *_NEW_KEY, "-keyout", "host.key", "-out", "host.csr", "-subj", "/CN=softseam")
         _openssl(made, "x509", "-req", "-in", "host.csr", "-CA", "ca.pem", "-CAkey", "ca.key", "-CAcreateserial",
                  "-days", _HOST_DAYS, "-extfile", "names", "-out", "host.pem")  # fmt: skip
-        shutil.rmtree(tls, ignore_errors=True)
-        made.rename(tls)
+        tls.mkdir(mode=0o700, exist_ok=True)
+        for path in sorted(made.iterdir()):
+            path.replace(tls / path.name)  # one by one: who starts meanwhile finds all
     finally:
         shutil.rmtree(made, ignore_errors=True)
 

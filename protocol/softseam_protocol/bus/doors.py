@@ -151,8 +151,11 @@ def _refusal(endpoint: str, key: Key) -> str:
 
 
 def days_left(endpoints: Iterable[str], key: Key) -> float | None:
-    """For how long the router's certificate is good [days]; None where it shows none. Raises OSError."""
-    ends = [_shown_until(endpoint, key.authority) for endpoint in endpoints if _encrypted(endpoint)]
+    """For how long the router's certificate is good [days]; None where it shows none, or is slow to."""
+    try:
+        ends = [_shown_until(endpoint, key.authority) for endpoint in endpoints if _encrypted(endpoint)]
+    except OSError:
+        return None
     return (min(ends) - time.time()) / _DAY if ends else None
 
 

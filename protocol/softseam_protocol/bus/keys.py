@@ -8,6 +8,7 @@ import os
 import secrets
 import shutil
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -73,13 +74,11 @@ def check_private(path: Path) -> None:
     if found.st_uid != os.geteuid():
         raise BadKey(f"{path} belongs to another user: keys are each user's own")
     if found.st_mode & _OTHERS:
-        raise BadKey(
-            f"others may read {path}, so it is no secret: chmod go= {path}, or make new ones: softseam keys --renew"
-        )
+        raise BadKey(f"others may read {path}: chmod go= {path}, and softseam keys --renew where they may have done so")
 
 
-def make_keys() -> Path:
-    """The folder of all keys; they are made, all or none, where there are none yet. Raises BadKey."""
+def make_keys(fill: Callable[[Path], None] | None = None) -> Path:
+    """The folder of all keys; they are made, all or none, where there are none yet, by `fill`. Raises BadKey."""
     folder = key_place()
     whole = folder / f"{SERVICE}.key"
     try:
@@ -87,7 +86,7 @@ def make_keys() -> Path:
             folder.parent.mkdir(parents=True, exist_ok=True)
             made = Path(tempfile.mkdtemp(prefix=".keys-", dir=folder.parent))
             try:
-                write_keys(made)
+                (fill or write_keys)(made)
                 made.rename(folder)
             except OSError:
                 if not whole.exists():  # else another router was first
