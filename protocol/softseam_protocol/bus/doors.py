@@ -146,7 +146,7 @@ def _refusal(endpoint: str, key: Key) -> str:
             return f"{endpoint}: what listens there is not encrypted: it is not the router that your key is of"
     return (
         f"the router at {endpoint} does not let {key.path} in: its keys are others. Set SOFTSEAM_KEYS to the keys of "
-        "who started it, or to its client.key; or what listens there is no router of softseam"
+        "who started it, or to its client.key; or what listens there hangs, or is no router"
     )
 
 
