@@ -11,6 +11,7 @@ import gc
 import os
 import shutil
 import subprocess
+import tempfile
 from collections import Counter
 from collections.abc import Generator
 from pathlib import Path
@@ -47,6 +48,13 @@ def _viewer() -> str | None:
 
 def _length(item: pytest.Item) -> int:
     return sum(LONG.get(mark.name, 0) for mark in item.iter_markers())
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Routers of tests make keys of their own, which their clients and services find as those of users do."""
+    folder = tempfile.TemporaryDirectory(prefix="softseam-keys-")
+    config.add_cleanup(folder.cleanup)
+    os.environ["SOFTSEAM_KEYS"] = f"{folder.name}/keys"
 
 
 @pytest.hookimpl(wrapper=True)

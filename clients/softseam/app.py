@@ -202,8 +202,8 @@ def up(
 
 
 @app.command(
-    epilog="[bold]Examples[/bold]\n\nsoftseam serve router --connect tcp/0.0.0.0:7447\n\n"
-    "softseam serve fem --guard --connect tcp/router.example:7447"
+    epilog="[bold]Examples[/bold]\n\nsoftseam serve router --connect tls/0.0.0.0:7447\n\n"
+    "softseam serve fem --guard --connect tls/router.example:7447"
 )
 def serve(
     role: Annotated[Role, typer.Argument(help="What to serve.")],
@@ -225,6 +225,31 @@ def health(connect: Endpoint = None, deployment: Deployment = None) -> None:
     from softseam.processes import health as ask
 
     raise typer.Exit(ask(connect, deployment))
+
+
+@app.command(
+    epilog="[bold]Examples[/bold]\n\nsoftseam keys\n\nsoftseam keys --host lab.example --host 192.0.2.7\n\n"
+    "softseam keys --renew"
+)
+def keys(
+    host: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Certify a name, or number, by which other machines reach this. Repeatable."),
+    ] = None,
+    renew: Annotated[
+        bool, typer.Option("--renew", help="Change all passwords; start router and services anew afterwards.")
+    ] = False,
+) -> None:
+    """Keys of the bus, which `up` makes by itself: prepare it for other machines; say which file to hand out."""
+    from softseam.errors import BadInput
+    from softseam_protocol.bus.certificates import prepare
+    from softseam_protocol.errors import BusError
+
+    try:
+        handed = prepare(tuple(host or ()), renew)
+    except BusError as error:
+        raise BadInput(str(error)) from None
+    _out().print(f"keys are in {handed.parent}; hand out {handed}", highlight=False, soft_wrap=True)
 
 
 @app.command(

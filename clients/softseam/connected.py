@@ -70,8 +70,9 @@ class ConnectedBackend:
         self.unrecorded = ""
         self._endpoint, self._timeout = endpoint, timeout
         self._count = 0
-        self.session = secrets.token_hex(8)
-        """names the session on the bus, and its recording"""
+        self.secret = secrets.token_hex(16)
+        """opens the session; what everybody may know, its name on the bus and of its recording, is `session`"""
+        self.session = topics.shown(self.secret)
         try:
             self._bus = Bus(endpoint, min(timeout, CONNECT_TIMEOUT))
         except errors.BusError as error:
@@ -142,19 +143,19 @@ class ConnectedBackend:
         return ""
 
     def _end_recording(self, why: str) -> None:
-        """Ask the recorder what became of the recording, which ends with the session, if not before."""
+        """Ask what became of the recording, which ends with the session, if not before."""
         try:
             end = End(self._header(), "closed")
-            self.recorded = self._bus.call(self._keys.recorder, end, Recorded, self._timeout)
+            self.recorded = self._bus.call(self._key, end, Recorded, self._timeout)
         except errors.Refused as error:
-            self.unrecorded = f"the recorder refused: {error.failure.message}{why}"
+            self.unrecorded = f"{error.failure.message}{why}"
         except errors.ProtocolError as error:
             self.unrecorded = f"no recorder answered: {error}{why}"
 
     def _header(self) -> Header:
         """Each request has a number of its own; its repetition has the same."""
         self._count += 1
-        return Header(SCHEMA_VERSION, self.session, "", 0, 0, self._count, 0.0)
+        return Header(SCHEMA_VERSION, self.secret, "", 0, 0, self._count, 0.0)
 
     def _ask(
         self,

@@ -27,6 +27,18 @@ class NoRouter(BusError):
     """No router answers at the endpoint."""
 
 
+class NoKey(BusError):
+    """There is no key to join the bus by."""
+
+
+class BadKey(BusError):
+    """A key that cannot be read, is not this user's own, can be read by others, or is another role's."""
+
+
+class KeyRefused(BusError):
+    """Somebody listens at the endpoint and does not let this process in."""
+
+
 class PortBusy(BusError):
     """A router cannot listen at its endpoint."""
 

@@ -3,7 +3,7 @@
     softseam/<deployment>/participant/<service>/request     query   Request -> Reply
     softseam/<deployment>/participant/<service>/echo        query   bytes -> the same bytes
     softseam/<deployment>/orchestrator/request              query   Open, Reset, ... -> Observation(s), Saved, Closed
-    softseam/<deployment>/recorder/request                  query   Begin, End, Commit -> Recorded
+    softseam/<deployment>/recorder/request                  query   Begin, End, Commit -> Recorded; services ask
     softseam/<deployment>/progress/<role>/<service>         put     Progress, a few a second
     softseam/<deployment>/session/<session>/<topic>         put     SessionTopic below
     softseam/<deployment>/@live/<role>/<service>/<instance> token   exists while the process does
@@ -11,9 +11,10 @@
     softseam/@node/<name>                                   token   exists while others may reach a process directly
 
 A `service` is the name of a process (`fem`, `pbd`, `fem2`); the part that a request is for (`body.far`) stands in its
-header.
+header. A `session` is what everybody may know of it, `shown`; a client's requests name the session's secret instead.
 """
 
+import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -25,6 +26,11 @@ ROOT = "softseam"
 EVERY_NODE = f"{ROOT}/@node/*"
 DEFAULT_DEPLOYMENT = "local"
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+
+
+def shown(secret: str) -> str:
+    """The name of a session by its secret: in keys, tokens, messages and recordings, where it opens nothing."""
+    return hashlib.sha256(secret.encode()).hexdigest()[:24]
 
 
 def node(name: str) -> str:
@@ -145,7 +151,8 @@ def table() -> Iterator[tuple[str, str, str, bool]]:
     keys = Keys("DEPLOYMENT")
     yield keys.participant("SERVICE"), "query", "Request -> Reply", False
     yield keys.echo("SERVICE"), "query", "bytes -> the same bytes", False
-    requests, replies = "Open, Reset, Step, Save, Load, Estimate, Close", "Observation(s), Saved, Estimated, Closed"
+    requests = "Open, Reset, Step, Save, Load, Estimate, Close, End"
+    replies = "Observation(s), Saved, Estimated, Closed, Recorded"
     yield keys.orchestrator, "query", f"{requests} -> {replies}", False
     yield keys.recorder, "query", "Begin, End, Commit -> Recorded", False
     yield keys.progress("participant", "SERVICE"), "put", "Progress", False

@@ -12,6 +12,9 @@ from softseam_services.bus_options import BusOptions
 from softseam_services.launch import RECORDINGS, ServeOptions, UpOptions, route, say, serve, up
 from softseam_services.supervisor import WRONG_SET_UP
 
+_SOON = 30
+"""days before the end of a certificate at which `health` says so"""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     try:
@@ -88,17 +91,25 @@ def _warm(what: Sequence[str], whole: bool) -> int:
 
 def show_health(options: BusOptions, roles: Sequence[str]) -> int:
     """Print the health of services; 0 if all are well, 1 if not, 2 where no router answers."""
+    from softseam_protocol.bus.doors import days_left
+    from softseam_protocol.bus.keys import VIEWER
     from softseam_services.health import probe
 
     services = tuple(role for role in roles if role != "router")
     try:
-        with options.open() as bus:
+        with options.open(VIEWER) as bus:
             found = probe(bus, options.keys, services) if services else []
+            left = days_left(bus.endpoints, bus.key)
     except ProtocolError as error:
         say(str(error))
         return 2
     if "router" in roles:
         print("router: well")
+        if left is not None and left < _SOON:
+            print(
+                f"router: its certificate ends in {left:.0f} days: run `softseam keys --host NAME` where it runs, and "
+                "start it and all services anew"
+            )
     for one in found:
         print(one)
     return 0 if all(one.state == "well" for one in found) else 1

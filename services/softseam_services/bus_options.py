@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.topics import DEFAULT_DEPLOYMENT, DEFAULT_ENDPOINT, Keys
 
 DIRECT = "tcp/127.0.0.1:0"
@@ -43,13 +44,13 @@ class BusOptions:
     def keys(self) -> Keys:
         return Keys(self.deployment)
 
-    def open(self) -> Bus:
-        """Join the bus. Raises NoRouter."""
+    def open(self, role: str = SERVICE) -> Bus:
+        """Join the bus. Raises BusError."""
         extra: dict[str, Any] = {}
         if self.listen:
             # a direct link saves the detour through the router: about half of a round trip
             extra = {"mode": "peer", "listen/endpoints": [self.listen], "connect/exit_on_failure": True}
-        return Bus(self.connect, self.wait, extra)
+        return Bus(self.connect, self.wait, extra, role)
 
 
 def new_instance() -> str:

@@ -23,6 +23,7 @@ import softseam
 from softseam.variants import Model
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.bus.inbox import Inbox, Received
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.facts import machine
 from softseam_protocol.messages.session import Event
 from softseam_protocol.topics import Keys
@@ -118,7 +119,7 @@ def main(scenes: list[Path]) -> None:
     ):
         if not services.wait_ready(_READY):
             raise RuntimeError(f"the services were not ready within {_READY:g} s")
-        with Bus(options.connect) as bus:
+        with Bus(options.connect, role=SERVICE) as bus:
             published = bus.subscribe(Keys().session_all())
             for model in MODELS:
                 run = on_the_bus(scene, model, options.connect, published)

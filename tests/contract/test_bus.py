@@ -16,6 +16,7 @@ from asked import free_endpoint, served, until
 from softseam_protocol.bus import client as bus_module
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.bus.inbox import Inbox, Received
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.bus.server import MOST_WAITING
 from softseam_protocol.errors import BusError, BusTimeout, DecodeError, ForkedBus, NoReply, Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
@@ -39,13 +40,13 @@ def endpoint() -> Iterator[str]:
 
 @pytest.fixture
 def bus(endpoint: str) -> Iterator[Bus]:
-    with Bus(endpoint) as one:
+    with Bus(endpoint, role=SERVICE) as one:
         yield one
 
 
 @pytest.fixture
 def other(endpoint: str) -> Iterator[Bus]:
-    with Bus(endpoint) as one:
+    with Bus(endpoint, role=SERVICE) as one:
         yield one
 
 
@@ -85,7 +86,7 @@ def test_requests_to_several_servers_run_at_the_same_time(bus: Bus, other: Bus, 
             meeting.wait()
         return payload
 
-    with Bus(endpoint) as third:
+    with Bus(endpoint, role=SERVICE) as third:
         other.serve({KEYS.echo("near"): handle}).start()
         third.serve({KEYS.echo("far"): handle}).start()
         assert until(lambda: served(bus, KEYS.echo("near")) and served(bus, KEYS.echo("far")))
@@ -162,7 +163,7 @@ _SERVER = """
 import sys, threading
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.topics import Keys
-bus = Bus(sys.argv[1])
+bus = Bus(sys.argv[1], role='service')
 keys = Keys("test")
 def handle(payload):
     if payload == b"hang":
@@ -244,7 +245,7 @@ def test_who_reads_half_a_second_late_misses_nothing(monkeypatch: pytest.MonkeyP
     """Reports of a second and more wait on the way, with the system's own buffers small; zenoh's default is 153."""
     where, go, count = free_endpoint() + "#so_sndbuf=32768;so_rcvbuf=32768", threading.Event(), 300
     key, payload = KEYS.session("late", Event), bytes(1200)
-    with Router(where), Bus(where) as bus, Bus(where) as other:
+    with Router(where), Bus(where, role=SERVICE) as bus, Bus(where, role=SERVICE) as other:
         inbox = other.subscribe(key)
         assert until(lambda: _arrives(bus, key, inbox, b"known"))
         while inbox.get(0.2) is not None:
@@ -292,7 +293,7 @@ def test_a_forked_bus_refuses_to_work(endpoint: str) -> None:
         "import os, sys\n"
         "from softseam_protocol.bus.client import Bus\n"
         "from softseam_protocol.errors import ForkedBus\n"
-        "bus = Bus(sys.argv[1])\n"
+        "bus = Bus(sys.argv[1], role='service')\n"
         "child = os.fork()\n"
         "if child == 0:\n"
         "    try:\n"
@@ -313,7 +314,7 @@ def test_forgetting_to_close_does_not_hang_the_interpreter(endpoint: str) -> Non
     program = (
         "import sys\n"
         "from softseam_protocol.bus.client import Bus\n"
-        "bus = Bus(sys.argv[1])\n"
+        "bus = Bus(sys.argv[1], role='service')\n"
         "bus.serve({'softseam/test/forgotten': lambda p: p}).start()\n"
         "inbox = bus.subscribe('softseam/test/**')\n"
     )
@@ -321,7 +322,7 @@ def test_forgetting_to_close_does_not_hang_the_interpreter(endpoint: str) -> Non
 
 
 def test_a_closed_bus_says_so(endpoint: str) -> None:
-    one = Bus(endpoint)
+    one = Bus(endpoint, role=SERVICE)
     one.close()
     one.close()
     with pytest.raises(BusError, match="closed"):

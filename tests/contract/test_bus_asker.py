@@ -15,6 +15,7 @@ import pytest
 
 from softseam_protocol.bus.asking import Asker
 from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.bus.session import LEASE
 from softseam_protocol.errors import BusError, BusTimeout, ForkedBus, NoReply, Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
@@ -30,7 +31,7 @@ PEER = {"mode": "peer", "listen/endpoints": ["tcp/127.0.0.1:0"]}
 _SERVER = """
 import sys, threading
 from softseam_protocol.bus.client import Bus
-bus = Bus(sys.argv[1])
+bus = Bus(sys.argv[1], role='service')
 def handle(payload):
     if payload == b"hang":
         print("hanging", flush=True)
@@ -68,10 +69,10 @@ def wait_served(bus: Bus, key: str) -> None:
 @pytest.mark.parametrize("extra", [{}, PEER], ids=["client", "peer"])
 def test_the_first_question_is_answered(endpoint: str, extra: dict[str, object]) -> None:
     """An asker that was made a moment ago reaches whom a plain request reaches, many times over."""
-    with Bus(endpoint, extra=PEER) as other:
+    with Bus(endpoint, extra=PEER, role=SERVICE) as other:
         other.serve({KEY: bytes}).start()
         for _ in range(25):
-            with Bus(endpoint, extra=extra) as bus:
+            with Bus(endpoint, extra=extra, role=SERVICE) as bus:
                 wait_served(bus, KEY)
                 asker = bus.asker(KEY, 5.0)
                 assert [asker.start(bytes([i])).collect() for i in range(3)] == [b"\0", b"\1", b"\2"]
@@ -89,7 +90,7 @@ def test_every_failure_has_its_error(endpoint: str) -> None:
             return payload
         return encode(Committed(decode(payload, Commit).header))
 
-    with Bus(endpoint) as bus, Bus(endpoint) as other:
+    with Bus(endpoint, role=SERVICE) as bus, Bus(endpoint, role=SERVICE) as other:
         asker = bus.asker(KEY, 5.0)
         with pytest.raises(NoReply, match="nobody serves it"):
             asker.start(b"x").collect()
@@ -107,7 +108,7 @@ def test_every_failure_has_its_error(endpoint: str) -> None:
 def test_a_server_that_dies_and_comes_back(endpoint: str) -> None:
     """A kill in the middle of a request is an error at once; the next server is asked by the same asker."""
     key = KEYS.echo("victim")
-    with Bus(endpoint) as bus:
+    with Bus(endpoint, role=SERVICE) as bus:
         asker: Asker | None = None
         for _ in range(2):
             with subprocess.Popen(
@@ -133,7 +134,7 @@ def test_a_server_that_dies_and_comes_back(endpoint: str) -> None:
 def test_a_request_at_the_moment_of_a_kill_ends_at_once(endpoint: str) -> None:
     """Before, in, or after the millisecond in which the router learns of it: an error, and no wait for the timeout."""
     key = KEYS.echo("struck")
-    with Bus(endpoint) as bus:
+    with Bus(endpoint, role=SERVICE) as bus:
         asker = bus.asker(key, 60.0)
         for n in range(6):
             with subprocess.Popen(
@@ -157,7 +158,7 @@ def test_a_request_at_the_moment_of_a_kill_ends_at_once(endpoint: str) -> None:
 def test_a_server_that_is_frozen_in_a_request_is_given_up_after_the_lease(endpoint: str) -> None:
     key = KEYS.echo("frozen")
     with (
-        Bus(endpoint) as bus,
+        Bus(endpoint, role=SERVICE) as bus,
         subprocess.Popen([sys.executable, "-c", _SERVER, endpoint, key], stdout=subprocess.PIPE, text=True) as process,
     ):
         try:
@@ -176,7 +177,7 @@ def test_a_server_that_is_frozen_in_a_request_is_given_up_after_the_lease(endpoi
 
 
 def test_a_closed_or_inherited_bus_says_so(endpoint: str) -> None:
-    with Bus(endpoint) as bus, Bus(endpoint) as other:
+    with Bus(endpoint, role=SERVICE) as bus, Bus(endpoint, role=SERVICE) as other:
         other.serve({KEY: bytes}).start()
         wait_served(bus, KEY)
         asker = bus.asker(KEY, 5.0)

@@ -16,6 +16,7 @@ from softseam_protocol.bus import client as buses
 from softseam_protocol.bus.asking import Asker
 from softseam_protocol.bus.client import INTRODUCTION, Bus, Router
 from softseam_protocol.bus.inbox import Inbox, LiveChange, Received
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.bus.peer_links import PeerLinks
 from softseam_protocol.bus.session import LEASE
 from softseam_protocol.errors import NoReply
@@ -180,7 +181,7 @@ def test_who_could_not_join_anew_tries_again(monkeypatch: pytest.MonkeyPatch) ->
         router.close()
         assert not bus.rejoin()
         assert not looks.mend(gone)
-        with Router(options.connect), Bus(options.connect) as client:
+        with Router(options.connect), Bus(options.connect, role=SERVICE) as client:
             assert not bus.rejoin(), "it was refused"
             assert looks.mend(gone)
             heard = client.subscribe(SAID)
@@ -195,7 +196,7 @@ def test_who_could_not_join_anew_tries_again(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_clients_of_the_router_show_no_name(options: BusOptions) -> None:
-    with Bus(options.connect) as client, options.open():
+    with Bus(options.connect, role=SERVICE) as client, options.open():
         until(lambda: len(names(client)) == 1)
 
 
@@ -205,7 +206,7 @@ def test_whom_the_router_has_forgotten_joins_anew_at_the_second_look(options: Bu
     live = KEYS.live("participant", "fem", "i1")
     with options.open() as bus:
         looks = Looks.last
-        with Bus(options.connect) as client:
+        with Bus(options.connect, role=SERVICE) as client:
             bus.declare_live(live)
             until(lambda: live in client.live(live))
             for _ in range(2):
@@ -223,7 +224,7 @@ def test_whom_the_router_has_forgotten_joins_anew_at_the_second_look(options: Bu
 def test_who_cannot_leave_joins_anew_all_the_same(options: BusOptions, monkeypatch: pytest.MonkeyPatch) -> None:
     """zenoh gives closing up where links are full."""
     opening(monkeypatch, stuck=True)
-    with options.open() as bus, Bus(options.connect) as client:
+    with options.open() as bus, Bus(options.connect, role=SERVICE) as client:
         heard = bus.subscribe(SAID)
         before = bus.name
         assert bus.rejoin() and bus.name != before

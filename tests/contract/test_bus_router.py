@@ -10,6 +10,7 @@ import pytest
 from asked import free_endpoint, served, until
 
 from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.errors import BusError, BusTimeout, NoReply, NoRouter, PortBusy
 from softseam_protocol.topics import Keys
 
@@ -60,7 +61,7 @@ def test_a_client_waits_for_a_router_that_comes_late() -> None:
 def test_clients_survive_a_restart_of_the_router() -> None:
     where = free_endpoint()
     router = Router(where)
-    with Bus(where) as asking, Bus(where) as answering:
+    with Bus(where, role=SERVICE) as asking, Bus(where, role=SERVICE) as answering:
         answering.serve({KEY: lambda payload: payload}).start()
         assert until(lambda: served(asking, KEY))
         router.close()

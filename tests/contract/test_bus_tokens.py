@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.bus.liveness import LiveTokens
 from softseam_protocol.topics import Keys
 
@@ -26,10 +27,10 @@ def endpoint() -> Iterator[str]:
 
 def test_live_knows_what_a_watch_is_being_told(endpoint: str) -> None:
     """zenoh's own answer lacks the token in most of these rounds, for it is on its way to the watch."""
-    with Bus(endpoint) as holder:
+    with Bus(endpoint, role=SERVICE) as holder:
         holder.declare_live(TOKEN)
         for _ in range(50):
-            with Bus(endpoint) as bus:
+            with Bus(endpoint, role=SERVICE) as bus:
                 watch = bus.watch_live(KEYS.every_live())
                 assert bus.live(KEYS.every_live("participant")) == {TOKEN}
                 came = watch.get(5.0)
@@ -40,9 +41,9 @@ def test_live_knows_what_a_watch_is_being_told(endpoint: str) -> None:
 
 def test_a_second_watch_begins_with_what_exists_and_hears_of_the_end(endpoint: str) -> None:
     """Also once another watch of the same key was closed; nothing is told twice."""
-    with Bus(endpoint) as bus:
+    with Bus(endpoint, role=SERVICE) as bus:
         first = bus.watch_live(KEYS.every_live())
-        with Bus(endpoint) as holder:
+        with Bus(endpoint, role=SERVICE) as holder:
             holder.declare_live(TOKEN)
             came = first.get(5.0)
             assert came is not None and came.alive

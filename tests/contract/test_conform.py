@@ -21,6 +21,7 @@ from softseam.conform.examined_part import Service
 from softseam.conform.table import CHECKS
 from softseam.errors import BadInput
 from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.messages.participant import Advance, Advanced, Configured
 from softseam_protocol.topics import Keys
 
@@ -38,13 +39,13 @@ def endpoint() -> Iterator[str]:
 
 @pytest.fixture
 def bus(endpoint: str) -> Iterator[Bus]:
-    with Bus(endpoint) as opened:
+    with Bus(endpoint, role=SERVICE) as opened:
         yield opened
 
 
 def rows(bus: Bus, endpoint: str, participant: Example, *names: str) -> list[Row]:
     """What becomes of these checks, or of all, where this participant answers."""
-    with Bus(endpoint) as other:
+    with Bus(endpoint, role=SERVICE) as other:
         server = other.serve({KEY: participant, Keys().echo("block"): bytes}).start()
         try:
             wait_answers(bus, Keys(), "block")
@@ -89,7 +90,7 @@ def test_a_participant_that_hangs_is_not_waited_for_again(bus: Bus, endpoint: st
             awake.wait(30.0)
         return request
 
-    with Bus(endpoint) as other:
+    with Bus(endpoint, role=SERVICE) as other:
         server = other.serve({KEY: Faulty(asked), Keys().echo("block"): bytes}).start()
         try:
             wait_answers(bus, Keys(), "block")

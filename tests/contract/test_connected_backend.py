@@ -17,10 +17,12 @@ from softseam.connected import ConnectedBackend
 from softseam.errors import NoConnection, ServicesFailed
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.bus.inbox import Inbox, LiveChange
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.errors import Refused
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Failure
+from softseam_protocol.messages.recording import End
 from softseam_protocol.messages.session import Close, Observation, StepReport
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
@@ -51,7 +53,7 @@ def at_rest() -> Observation:
 
 def serve(endpoint: str, key: str, answer: Callable[[bytes], bytes], role: str) -> Bus:
     """One process's part, with its token."""
-    bus = Bus(endpoint)
+    bus = Bus(endpoint, role=SERVICE)
     bus.serve({key: answer}).start()
     bus.declare_live(KEYS.live(role, role, "only"))
     return bus
@@ -70,19 +72,22 @@ def refusing_to_close(payload: bytes) -> bytes:
 def test_why_there_is_no_recording_is_told(endpoint: str) -> None:
     """A session that is not closed, or not recorded, closes here all the same, and says what it was told."""
 
-    def unasked(payload: bytes) -> bytes:
-        raise Refused(Failure(FailureKind.NOT_CONFIGURED, "it was not being recorded"))
+    def unrecorded(payload: bytes) -> bytes:
+        if isinstance(decode(payload), End):
+            raise Refused(Failure(FailureKind.NOT_CONFIGURED, "the recorder refused: it was not being recorded"))
+        return refusing_to_close(payload)
 
-    with serve(endpoint, KEYS.orchestrator, refusing_to_close, "orchestrator"):
+    with serve(endpoint, KEYS.orchestrator, unrecorded, "orchestrator"):
         backend = opened(endpoint, record=True)
         backend.close()
         assert backend.recorded is None
-        assert backend.unrecorded.startswith("no recorder answered: ")
+        assert backend.unrecorded.startswith("the recorder refused: it was not being recorded; the session")
         assert backend.unrecorded.endswith("not closed either: the request before is still at work: close again")
-        with serve(endpoint, KEYS.recorder, unasked, "recorder"):
-            backend = opened(endpoint, record=True)
-            backend.close()
-            assert backend.unrecorded.startswith("the recorder refused: it was not being recorded; the session")
+    with serve(endpoint, KEYS.orchestrator, refusing_to_close, "orchestrator") as orchestrator:
+        backend = opened(endpoint, record=True)
+        orchestrator.close()
+        backend.close()
+        assert backend.unrecorded.startswith("no recorder answered: ")
 
 
 def test_an_orchestrator_that_shows_itself_and_is_deaf_is_asked_now_and_then(
@@ -90,7 +95,7 @@ def test_an_orchestrator_that_shows_itself_and_is_deaf_is_asked_now_and_then(
 ) -> None:
     """It may be about to serve, or about to go: ten requests a second find out."""
     timeout = 2.0
-    with Bus(endpoint) as holder:
+    with Bus(endpoint, role=SERVICE) as holder:
         orchestrator = serve(endpoint, KEYS.orchestrator, lambda payload: encode(at_rest()), "orchestrator")
         backend = opened(endpoint, record=False, timeout=timeout)
         holder.declare_live(KEYS.live("orchestrator", "orchestrator", "deaf"))

@@ -13,6 +13,7 @@ import pytest
 from softseam.conform.command import FAILED, NOT_CLAIMED, run_checks, wait_answers
 from softseam.conform.examined_part import Service
 from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.topics import Keys
 
 ROOT = Path(__file__).parents[2]
@@ -30,7 +31,7 @@ def test_the_program_of_the_page_serves_and_fails_what_the_page_says(tmp_path: P
     with Router(endpoint), subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as springs:
         try:
             assert springs.stdout is not None and "answers" in springs.stdout.readline()
-            with Bus(endpoint) as bus:
+            with Bus(endpoint, role=SERVICE) as bus:
                 wait_answers(bus, Keys(), "springs")
                 rows = run_checks(Service(bus, Keys().participant("springs"), "springs"))
         finally:

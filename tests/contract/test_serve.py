@@ -23,6 +23,7 @@ from softseam.conform.command import PASSED, run_checks
 from softseam.conform.examined_part import Service
 from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.bus.inbox import Inbox, LiveChange
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.errors import BusTimeout, NoReply, NoRouter, ProtocolError, Refused
 from softseam_protocol.messages.participant import (
     Advanced,
@@ -60,7 +61,7 @@ def endpoint() -> Iterator[str]:
 
 @pytest.fixture
 def bus(endpoint: str) -> Iterator[Bus]:
-    with Bus(endpoint) as opened:
+    with Bus(endpoint, role=SERVICE) as opened:
         yield opened
 
 
@@ -242,7 +243,7 @@ def test_a_request_whose_asker_is_gone_counts_and_its_repeat_gets_the_answer(end
 
     with serving(upset(happens), "springs", connect=endpoint):
         ask(bus, configure(), Configured)
-        with Bus(endpoint) as first:
+        with Bus(endpoint, role=SERVICE) as first:
             first.start(KEY, encode(advance(header(), TOO_MUCH)), 10.0)
             assert came.wait(10.0)
         go.set()

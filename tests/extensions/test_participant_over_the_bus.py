@@ -19,6 +19,7 @@ import pytest
 
 import softseam
 from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.topics import Keys
 from softseam_services.bus_options import BusOptions
 from softseam_services.launch import UpOptions, supervisor
@@ -78,7 +79,7 @@ def test_a_beam_whose_far_half_is_the_example_bends_as_one(endpoint: str) -> Non
 
     The reference of the scene, -150.4 mm at its lowest, is as near to both.
     """
-    with block(endpoint), Bus(endpoint) as bus:
+    with block(endpoint), Bus(endpoint, role=SERVICE) as bus:
         assert len(bus.live(Keys().every_live("participant", "block"))) == 1
         ours, gap = tip(endpoint)
     theirs, _ = tip(None)

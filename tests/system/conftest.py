@@ -9,6 +9,7 @@ import pytest
 from real_services import LIMITS, Lines, Services, free_port, squeezed_bar
 
 from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.errors import NoReply, Refused
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.file import bundle_scene
@@ -33,7 +34,7 @@ def services(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Services]:
 def bus(services: Services) -> Iterator[Bus]:
     """A client's session on the services' bus; all services are well, and heard there, when the test begins."""
     services.wait_well()
-    with Bus(services.endpoint) as opened:
+    with Bus(services.endpoint, role=SERVICE) as opened:
         keys = Keys()
         for key in (keys.orchestrator, keys.participant("fem"), keys.participant("pbd")):
             end = time.monotonic() + 10.0

@@ -20,11 +20,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+import strangers
 from real_services import free_port
 from trajectory import first_difference
 
 from softseam.connected import ConnectedBackend
 from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.keys import CLIENT, read_key
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.session import StepReport
 from softseam_protocol.topics import Keys
@@ -71,6 +73,15 @@ class Deployment:
     def started_at(self, service: str) -> str:
         return self.docker("inspect", "-f", "{{.State.StartedAt}}", self.container(service))
 
+    def handed_key(self, folder: Path, timeout: float = 60.0) -> Path:
+        """The file that clients outside of the containers are handed, once the router has made it."""
+        made, handed = f"{self.container('router')}:/var/lib/softseam/keys/client.key", folder / "client.key"
+        end = time.monotonic() + timeout
+        while subprocess.run(("docker", "cp", made, handed), env=self.env, capture_output=True, check=False).returncode:
+            assert time.monotonic() < end, self.logs("router")
+            time.sleep(0.2)  # the pace of asking
+        return handed
+
     def wait_well(self, timeout: float = 120.0) -> None:
         """Until every service shows itself and its heartbeat is heard."""
         end = time.monotonic() + timeout
@@ -83,7 +94,7 @@ class Deployment:
 
 
 @pytest.fixture(scope="module")
-def deployment() -> Iterator[Deployment]:
+def deployment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Deployment]:
     engine = str(DEPLOY / "engine.sh")
     ours_before = Path("/run/softseam-engine/docker.pid").exists()
     env = os.environ | {"DOCKER_HOST": command(engine, "up", timeout=600.0)}
@@ -91,11 +102,13 @@ def deployment() -> Iterator[Deployment]:
     port, page, data = free_port(), free_port(), free_port()
     env |= {"SOFTSEAM_IMAGE": "softseam-test", "SOFTSEAM_PORT": str(port)}
     env |= {"SOFTSEAM_PAGE_PORT": str(page), "SOFTSEAM_DATA_PORT": str(data)}
-    running = Deployment(env, f"softseam-test-{port}", f"tcp/127.0.0.1:{port}", page, data)
+    running = Deployment(env, f"softseam-test-{port}", f"tls/127.0.0.1:{port}", page, data)
     try:
         running.compose("up", "-d")
-        running.wait_well()
-        yield running
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setenv("SOFTSEAM_KEYS", str(running.handed_key(tmp_path_factory.mktemp("handed"))))
+            running.wait_well()
+            yield running
     finally:
         running.compose("--profile", "viz", "down", "-v", timeout=180.0)
         if not ours_before:
@@ -166,7 +179,7 @@ def test_a_frozen_solver_is_replaced_inside_its_container(
 def test_the_client_of_the_image_runs_a_scene_and_it_is_recorded(deployment: Deployment) -> None:
     """The `client` profile: the command line inside of the network; the recorder's file is whole and readable."""
     script = (
-        "import softseam; s = softseam.open('tofu_grasp', model='hybrid', connect='tcp/router:7447', record=True); "
+        "import softseam; s = softseam.open('tofu_grasp', model='hybrid', connect='tls/router:7447', record=True); "
         "s.reset(); o = s.step(count=5); s.close(); print('reached', round(o.time, 6))"
     )
     said = deployment.compose("run", "--rm", "-T", "--entrypoint", "python", "client", "-c", script)
@@ -176,7 +189,7 @@ def test_the_client_of_the_image_runs_a_scene_and_it_is_recorded(deployment: Dep
 
 def test_the_recording_is_shown_as_a_web_page(deployment: Deployment) -> None:
     """The `viz` profile: a page on this host's loopback, and behind it the newest recording of the volume."""
-    script = "import softseam; s = softseam.open('tofu_grasp', connect='tcp/router:7447', record=True); s.reset(); "
+    script = "import softseam; s = softseam.open('tofu_grasp', connect='tls/router:7447', record=True); s.reset(); "
     script += "s.step(count=5); s.close()"
     deployment.compose("run", "--rm", "-T", "--entrypoint", "python", "client", "-c", script)
     deployment.compose("--profile", "viz", "up", "-d", "viz")
@@ -210,6 +223,36 @@ def test_containers_are_confined(deployment: Deployment) -> None:
         bindings = deployment.docker("inspect", "-f", "{{json .HostConfig.PortBindings}}", container)
         assert ("127.0.0.1" in bindings) == (service == "router")
         assert "0.0.0.0" not in bindings
+
+
+def test_keys_stay_in_the_volume_of_who_made_them(deployment: Deployment) -> None:
+    """Nobody without one is let in from outside, nor from the services' network, at any service."""
+    key = read_key(CLIENT)
+    assert strangers.join(deployment.endpoint, None, authority=key.authority) is None
+    for service in ("router", *expected()):
+        container, folder = deployment.container(service), "/var/lib/softseam/keys"
+        assert deployment.docker("exec", container, "stat", "-c", "%a %u", folder) == "700 10001"
+        port = 7447 if service == "router" else 7448
+        with pytest.raises(AssertionError, match="NOT LET IN"):
+            deployment.compose("run", "--rm", "-T", "--entrypoint", "python", "client", "-c", JOIN % (service, port))
+
+
+JOIN = """
+import json, os, zenoh
+config = zenoh.Config()
+lines = open("/var/lib/softseam/keys/client.key").read().split("\n", 1)
+open("/tmp/ca", "w").write(lines[1])
+for key, value in {
+    "mode": "client", "connect/endpoints": ["tls/%s:%d"], "connect/timeout_ms": 2000,
+    "transport/link/tls/root_ca_certificate": "/tmp/ca", "transport/link/tls/verify_name_on_connect": False,
+}.items():
+    config.insert_json5(key, json.dumps(value))
+try:
+    zenoh.open(config).close()
+except zenoh.ZError:
+    raise SystemExit("NOT LET IN")
+"""
+"""joins without a password"""
 
 
 def test_docker_sees_health(deployment: Deployment) -> None:

@@ -11,6 +11,7 @@ from real_services import free_port, squeezed_bar
 from softseam.errors import FieldsNotObserved
 from softseam.observation import observation_from
 from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.participant import Advance, Correct, Observe, Reply, Request
 from softseam_protocol.messages.session import Observation, Observations, Step
@@ -61,7 +62,7 @@ class LosingFields(Losing):
 @pytest.fixture
 def bus() -> Iterator[Bus]:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    with Router(endpoint), Bus(endpoint) as opened:
+    with Router(endpoint), Bus(endpoint, role=SERVICE) as opened:
         yield opened
 
 

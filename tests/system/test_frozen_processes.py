@@ -16,6 +16,7 @@ from contextlib import ExitStack
 import pytest
 
 from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.bus.session import LEASE
 from softseam_protocol.topics import Keys
 from softseam_services.bus_options import BusOptions
@@ -92,7 +93,7 @@ def heard(buses: Sequence[Bus]) -> set[str]:
 def test_all_are_heard_of_again(endpoint: str) -> None:
     """By another peer, and by a client of the router, which answers for all that have no link with them."""
     random.seed(3)
-    with BusOptions(connect=endpoint).open() as peer, Bus(endpoint) as client, ExitStack() as stack:
+    with BusOptions(connect=endpoint).open() as peer, Bus(endpoint, role=SERVICE) as client, ExitStack() as stack:
         sleepers = [Sleeper(endpoint, f"sleeper-{i}") for i in range(SLEEPERS)]
         for one in sleepers:
             stack.callback(one.close)

@@ -15,6 +15,7 @@ from real_services import free_port
 from softseam.connected import ConnectedBackend
 from softseam.errors import SimulationFailed
 from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import End
 from softseam_protocol.scene.file import bundle_scene, scene_json
@@ -133,7 +134,11 @@ def test_a_session_whose_client_is_gone_for_long_is_ended(
 ) -> None:
     """Though there is room, so that what it holds is freed; not one of a client that lives."""
     monkeypatch.setattr(service, "LEFT", 1.0)
-    with Bus(endpoint) as bus, client(endpoint, sheet) as idle, victim(endpoint, 1) as (process, (session,)):
+    with (
+        Bus(endpoint, role=SERVICE) as bus,
+        client(endpoint, sheet) as idle,
+        victim(endpoint, 1) as (process, (session,)),
+    ):
         idle.reset(0)
         ends = bus.subscribe(KEYS.session_all(session))
         process.kill()
@@ -169,7 +174,7 @@ def test_a_restart_of_the_router_ends_no_session(sheet: Bundle, monkeypatch: pyt
         idle.reset(0)
         router.close()
         threading.Event().wait(2.0 * service.LEFT)
-        with Router(endpoint), Bus(endpoint) as bus:
+        with Router(endpoint), Bus(endpoint, role=SERVICE) as bus:
             end = time.monotonic() + 20.0
             while not (bus.live(KEYS.every_live("client")) and bus.live(KEYS.every_live("orchestrator"))):
                 assert time.monotonic() < end, "the tokens did not come back"

@@ -12,6 +12,7 @@ import pytest
 from real_services import READY, free_port
 
 from softseam_protocol.bus.client import Bus, Router
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.topics import Keys
 from softseam_services.health import probe
 from softseam_services.orchestrator import service
@@ -29,7 +30,7 @@ def endpoint() -> Iterator[str]:
 
 
 def test_a_second_orchestrator_is_refused_and_told_of_the_first(endpoint: str) -> None:
-    with Bus(endpoint) as first:
+    with Bus(endpoint, role=SERVICE) as first:
         first.declare_live(TOKEN)
         command = [sys.executable, "-m", "softseam_services", "serve", "orchestrator", "--connect", endpoint]
         done = subprocess.run(command, capture_output=True, text=True, timeout=READY, check=False)
@@ -41,7 +42,7 @@ def test_a_second_orchestrator_is_refused_and_told_of_the_first(endpoint: str) -
 def test_who_follows_an_orchestrator_waits_until_it_is_gone(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """One of another deployment is none of its business, and who is to stop waits for nobody."""
     stop = threading.Event()
-    with Bus(endpoint) as bus, Bus(endpoint) as other, Bus(endpoint) as first:
+    with Bus(endpoint, role=SERVICE) as bus, Bus(endpoint, role=SERVICE) as other, Bus(endpoint, role=SERVICE) as first:
         other.declare_live(Keys("other").live("orchestrator", "orchestrator", "i"))
         wait_to_be_only(bus, KEYS, stop)
         first.declare_live(TOKEN)
@@ -62,7 +63,11 @@ def test_who_follows_an_orchestrator_waits_until_it_is_gone(endpoint: str, monke
 
 def test_health_tells_of_two(endpoint: str) -> None:
     """Of orchestrators, which upset each other; participants may be several."""
-    with Bus(endpoint) as bus, Bus(endpoint) as first, Bus(endpoint) as second:
+    with (
+        Bus(endpoint, role=SERVICE) as bus,
+        Bus(endpoint, role=SERVICE) as first,
+        Bus(endpoint, role=SERVICE) as second,
+    ):
         for one, name in ((first, "first"), (second, "second")):
             for role, service in (("orchestrator", "orchestrator"), ("participant", "fem")):
                 one.declare_live(KEYS.live(role, service, name))

@@ -50,6 +50,36 @@ def test_no_router_is_one_clear_error(role: str, tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+def test_who_would_listen_to_other_machines_in_the_clear_is_refused(tmp_path: Path) -> None:
+    for command in (["serve", "router"], ["up", "--directory", str(tmp_path)]):
+        done = run_module(*command, "--connect", "tcp/0.0.0.0:7447")
+        assert done.returncode == 2, done.stderr
+        assert "run `softseam keys --host NAME`" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.slow
+def test_it_is_run_for_others_with_one_file_to_hand_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page, step by step: named, started at every address, one file handed out, a run with nothing else."""
+    keys, handed, port = tmp_path / "keys", tmp_path / "handed" / "client.key", free_port()
+    monkeypatch.setenv("SOFTSEAM_KEYS", str(keys))
+    client = (sys.executable, "-m", "softseam")
+    said = subprocess.run((*client, "keys", "--host", "lab.example"), capture_output=True, text=True, check=True).stdout
+    assert f"hand out {keys / 'client.key'}" in said
+    options = ("--connect", f"tls/0.0.0.0:{port}", "--directory", str(tmp_path))
+    with subprocess.Popen((*MODULE, "up", *options), stderr=subprocess.PIPE, text=True) as process:
+        _ready(process)
+        handed.parent.mkdir()
+        handed.write_bytes((keys / "client.key").read_bytes())
+        handed.chmod(0o600)
+        keys.chmod(0)  # nobody looks there
+        run = (*client, "run", "tofu_grasp", "--set", "duration=0.05", "--connect", f"tls/localhost:{port}")
+        done = subprocess.run(run, capture_output=True, text=True, env=os.environ | {"SOFTSEAM_KEYS": str(handed)})
+        assert done.returncode == 0, done.stdout + done.stderr
+        keys.chmod(0o700)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60.0) == 0
+
+
 def test_health_without_a_router() -> None:
     done = run_module("health", "--connect", f"tcp/127.0.0.1:{free_port()}", "--wait", "0.3")
     assert done.returncode == 2

@@ -12,6 +12,7 @@ from softseam.conform.examined_part import Service, Silent, Unmet, capabilities
 from softseam.conform.table import CHECKS
 from softseam.errors import BadInput, NoConnection
 from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.errors import BusError
 from softseam_protocol.topics import DEFAULT_DEPLOYMENT, Keys
 
@@ -40,7 +41,7 @@ def conform(
     except ValueError as error:
         raise BadInput(str(error)) from None
     try:
-        with Bus(endpoint) as bus:
+        with Bus(endpoint, role=SERVICE) as bus:
             chosen = _chosen(bus, keys, service)
             wait_answers(bus, keys, chosen)
             bar = Bar(out, f"conform {chosen}", len(names or CHECKS))

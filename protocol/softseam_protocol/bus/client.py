@@ -12,19 +12,21 @@ import os
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import zenoh
 
 from softseam_protocol.bus.asking import Asker, Pending, understood
 from softseam_protocol.bus.declared import Declared
+from softseam_protocol.bus.doors import check_endpoints, settings_of, unanswered
 from softseam_protocol.bus.inbox import Inbox, LiveChange, Received
+from softseam_protocol.bus.keys import CLIENT, SERVICE, Key, make_keys, read_key
 from softseam_protocol.bus.liveness import LiveTokens
 from softseam_protocol.bus.peer_links import PeerLinks
 from softseam_protocol.bus.server import Handler, Server
 from softseam_protocol.bus.session import LEASE, BusSession, as_endpoints, direct, first_sentence
-from softseam_protocol.errors import BusError, NoRouter, PortBusy, ProtocolError
+from softseam_protocol.errors import BusError, NoKey, PortBusy, ProtocolError
 from softseam_protocol.topics import DEFAULT_ENDPOINT, EVERY_NODE, node
 from softseam_protocol.wire.codec import encode
 
@@ -57,10 +59,16 @@ class Router(BusSession):
         connect: str | Iterable[str] = (),
         extra: Mapping[str, Any] | None = None,
     ) -> None:
-        """Listen at endpoints; `connect` names other hosts' routers, `extra` zenoh settings such as TLS."""
-        self.endpoints = as_endpoints(listen)
+        """Listen at endpoints; `connect` names other hosts' routers, `extra` zenoh settings.
+
+        Makes keys where there are none. Raises BadKey, PortBusy and BusError.
+        """
+        self.endpoints, others = as_endpoints(listen), as_endpoints(connect)
+        check_endpoints(others, self.endpoints)
+        make_keys()
+        doors = settings_of(read_key(SERVICE), others, self.endpoints, router=True)
         try:
-            super().__init__("router", self.endpoints, as_endpoints(connect), extra or {})
+            super().__init__("router", self.endpoints, others, {**doors, **(extra or {})})
         except zenoh.ZError as error:
             where = ", ".join(self.endpoints)
             if "in use" in str(error):
@@ -79,12 +87,16 @@ class Bus(BusSession):
         endpoints: str | Iterable[str] = DEFAULT_ENDPOINT,
         connect_timeout: float = 5.0,
         extra: Mapping[str, Any] | None = None,
+        role: str = CLIENT,
     ) -> None:
-        """Connect to a router, trying for `connect_timeout` [s]. Raises NoRouter.
+        """Connect to a router, trying for `connect_timeout` [s]. Raises NoRouter, NoKey, BadKey and KeyRefused.
 
         extra  further zenoh settings; in its mode "peer" others reach this one without the router
+        role   whose key is shown: who answers, publishes, or asks a participant is a service
         """
-        self.endpoints = as_endpoints(endpoints)
+        self.endpoints, self.role = as_endpoints(endpoints), role
+        listen = (extra or {}).get("listen/endpoints", ())
+        check_endpoints(self.endpoints, listen)
         self._publishers: dict[tuple[str, bool], Declared] = {}
         self._publishing = threading.Lock()
         self._open: list[Server | Inbox[Any]] = []
@@ -96,16 +108,15 @@ class Bus(BusSession):
             "connect/timeout_ms": max(1, int(connect_timeout * 1000)),
             "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
         }
+        self.key = _awaited_key(role, self.endpoints, connect_timeout)
+        doors = settings_of(self.key, self.endpoints, listen)
         try:
-            super().__init__("client", (), self.endpoints, {**retry, **(extra or {})})
+            super().__init__("client", (), self.endpoints, {**retry, **doors, **(extra or {})})
         except zenoh.ZError as error:
-            where = ", ".join(self.endpoints)
-            if "Unable to connect" in str(error):
-                raise NoRouter(
-                    f"no router answers at {where} within {connect_timeout:g} s: start one with `softseam up` or "
-                    "`softseam serve router`, or name another endpoint"
-                ) from None
-            raise BusError(f"cannot connect to {where}: {first_sentence(error)}") from None
+            why = unanswered(self.endpoints, connect_timeout, self.key) if "Unable to connect" in str(error) else None
+            if why is not None:
+                raise why from None
+            raise BusError(f"cannot connect to {', '.join(self.endpoints)}: {first_sentence(error)}") from None
         self._aside = {key: value for key, value in (extra or {}).items() if key not in _OF_PEERS}
         self._links = PeerLinks(self._mend, LEASE)
         self._doubted = False
@@ -252,7 +263,7 @@ class Bus(BusSession):
 
     def live_at_router(self, key: str) -> set[str]:
         """Keys of the tokens that the router knows, asked on a link made for it. Raises BusError without a router."""
-        with Bus(self.endpoints, LEASE, self._aside) as client:
+        with Bus(self.endpoints, LEASE, self._aside, self.role) as client:
             return client.live(key)
 
     def watch_live(self, key: str) -> Inbox[LiveChange]:
@@ -303,7 +314,7 @@ class Bus(BusSession):
         doubted, self._doubted = self._doubted, False
         try:
             own = set() if session is None else {node(str(session.info.zid()))}
-            with Bus(self.endpoints, LEASE, self._aside) as client:
+            with Bus(self.endpoints, LEASE, self._aside, self.role) as client:
                 everyone = client.live(EVERY_NODE)
                 silent &= everyone
                 for _ in range(_LOOKS):
@@ -332,3 +343,18 @@ class Bus(BusSession):
             for one in [*opened, *self._askers, *self._watched.values()]:
                 one.close()
         super().close()
+
+
+def _awaited_key(role: str, endpoints: Sequence[str], timeout: float) -> Key:
+    """A role's key, which a router that is about to start may be about to make. Raises NoRouter, NoKey and BadKey."""
+    end = time.monotonic() + timeout
+    while True:
+        try:
+            return read_key(role)
+        except NoKey:
+            why = unanswered(endpoints, timeout, None)
+            if why is None:  # a router makes keys before it listens
+                raise
+            if time.monotonic() > end:
+                raise why from None
+            time.sleep(_RETRY)

@@ -5,7 +5,6 @@ import itertools
 import json
 import logging
 import os
-import re
 import threading
 import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -16,17 +15,12 @@ import zenoh
 
 from softseam_protocol.bus.declared import Declared
 from softseam_protocol.errors import BusError, ForkedBus
-from softseam_protocol.topics import DEFAULT_ENDPOINT
 
 LEASE = 1.0
 """time after which a frozen or unreachable process counts as gone [s]"""
 
 _BATCHES = 16
 """of 64 kB each may wait for a link, zenoh's most: what is droppable is dropped where they are full"""
-
-_OF_HOSTS = frozenset(("tcp", "udp", "tls", "quic", "ws"))
-_HOST_PORT = re.compile(r"[a-z]+/[^?#]+:(\d{1,5})([?#].*)?")
-_OTHER = re.compile(r"[^/?#]+/[^?#]+.*")
 
 _log = logging.getLogger(__name__)
 
@@ -52,9 +46,7 @@ class BusSession:
     """A zenoh session that is closed once, before the interpreter ends, and may give way to another before."""
 
     def __init__(self, mode: str, listen: Sequence[str], connect: Sequence[str], extra: Mapping[str, Any]) -> None:
-        """Listen and connect at endpoints; `extra` zenoh settings. Raises zenoh.ZError, BusError for no endpoint."""
-        for endpoint in (*listen, *connect, *extra.get("listen/endpoints", ())):
-            _check(endpoint)
+        """Listen and connect at endpoints; `extra` zenoh settings. Raises zenoh.ZError."""
         self._pid = os.getpid()
         self._settings = mode, listen, connect, extra
         self._zenoh: Any = zenoh.open(_config(*self._settings))
@@ -169,17 +161,6 @@ def _close(reference: weakref.ref[BusSession]) -> None:
 
 def as_endpoints(endpoints: str | Iterable[str]) -> tuple[str, ...]:
     return (endpoints,) if isinstance(endpoints, str) else tuple(endpoints)
-
-
-def _check(endpoint: str) -> None:
-    """Raise BusError for what is no endpoint: zenoh says so in terms of its own, or tries to reach it all the same."""
-    if endpoint.partition("/")[0] in _OF_HOSTS:
-        found = _HOST_PORT.fullmatch(endpoint)
-        good = found is not None and int(found[1]) < 2**16
-    else:
-        good = _OTHER.fullmatch(endpoint) is not None
-    if not good:
-        raise BusError(f"{endpoint!r} is no endpoint: give tcp/HOST:PORT, such as {DEFAULT_ENDPOINT}")
 
 
 def direct(callback: Callable[[Any], None]) -> Any:

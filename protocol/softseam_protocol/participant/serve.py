@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.bus.server import LAST_ANSWERS, Handler
 from softseam_protocol.errors import BusError
 from softseam_protocol.messages.participant import Configure
@@ -50,7 +51,7 @@ def serving(
     handler = ParticipantHandler(participant, models or (service, *MODELS))
     handlers: dict[str, Handler] = {keys.participant(service): handler, keys.echo(service): bytes}
     ended: queue.SimpleQueue[BaseException | None] = queue.SimpleQueue()
-    with Bus(connect, wait) as bus:
+    with Bus(connect, wait, role=SERVICE) as bus:
         server = bus.serve(handlers, name=f"softseam {service}")
 
         def run() -> None:

@@ -15,6 +15,9 @@ gets the same reply, so a client may repeat what it got no answer to; a lower nu
     Load    -> Observation: continues from Saved, bit for bit
     Estimate  -> Estimated: how far the answer may be off as the body stands
     Close   -> Closed; interrupts a Step under way; closing a session that is not there is no error
+    End     -> Recorded: the recorder's answer, what became of the session's recording
+
+A request's header names the session's secret; from here on the session is `shown` of it.
 
 Failures: 'schema' (another version), 'invalid' (a scene or value that is refused; nothing changed), 'not_configured'
 (no such session: not opened, closed, or lost with a restarted orchestrator), 'stale', 'busy' (too many sessions),
@@ -27,12 +30,14 @@ import logging
 import threading
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import BusError, ProtocolError, Refused
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Failure
+from softseam_protocol.messages.recording import FINISH, End, Recorded
 from softseam_protocol.messages.session import (
     ClientReply,
     ClientRequest,
@@ -48,7 +53,7 @@ from softseam_protocol.messages.session import (
     Step,
 )
 from softseam_protocol.scene.file import SceneError
-from softseam_protocol.topics import Keys
+from softseam_protocol.topics import Keys, shown
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline
@@ -122,10 +127,13 @@ class ClientHandler:
 
     def __call__(self, payload: bytes) -> bytes:
         """The reply. Raises Refused, and what `decode` raises, which the bus answers with a Failure."""
-        request: ClientRequest = decode(payload, ClientRequest)
-        header = request.header
-        if not header.session:
+        request: ClientRequest | End = decode(payload, ClientRequest | End)
+        if not request.header.session:
             raise Refused(Failure(FailureKind.INVALID, "a request must name its session"))
+        header = replace(request.header, session=shown(request.header.session))
+        request = replace(request, header=header)
+        if isinstance(request, End):
+            return self._recorded(request)
         if isinstance(request, Close):
             return self._close(request)
         client = self._client(header, isinstance(request, Open))
@@ -255,6 +263,15 @@ class ClientHandler:
         if client is not None and not self._end_in_turn(session, client, "closed", _TURN):
             raise Refused(Failure(FailureKind.BUSY, "the request before is still at work: close again"))
         return encode(Closed(request.header))
+
+    def _recorded(self, request: End) -> bytes:
+        """What became of the session's recording, which the recorder ends if that was not done before."""
+        try:
+            return encode(self._bus.call(self._keys.recorder, request, Recorded, FINISH))
+        except Refused as error:
+            raise Refused(replace(error.failure, message=f"the recorder refused: {error.failure.message}")) from None
+        except ProtocolError as error:
+            raise Refused(Failure(FailureKind.INTERNAL, f"no recorder answered: {error}")) from None
 
     def _end_aside(self, session: str, client: ClientSession, reason: str) -> threading.Thread:
         """Close a session in a thread of its own: its services may be gone, too, and are waited for."""
