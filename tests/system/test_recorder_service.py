@@ -222,6 +222,7 @@ def test_a_full_disk_ends_the_recording_not_the_run(options: BusOptions, bus: Bu
         assert longest < 1.0
         assert ended is not None and ended.lost > 0
         assert "File too large: the recording ends here, the run goes on" in ended.note
+        assert warnings == [ended.note], "told once, while the run goes on"
         path = Path(ended.path)
         assert path.stat().st_size <= 400_000
         kept = encoded(path)

@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError, Refused
+from softseam_protocol.messages.outcomes import RecordingState
 from softseam_protocol.messages.recording import FINISH, Begin, End, Recorded
 from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.topics import Keys, topic_of
@@ -37,7 +38,7 @@ class RecorderFeed:
         self._begun: Begin | None = None
         self._following = False
         """a recorder keeps up with this session"""
-        self._late = False
+        self._late = self._failed = False
         self._sent = 0
         """messages since the beginning"""
         self._safe = 0
@@ -60,7 +61,7 @@ class RecorderFeed:
         self._begun = begin
         self._sent = self._safe = self._bytes = 0
         self._under_way.clear()
-        self._late = False
+        self._late = self._failed = False
         self._publish(begin)
         if self._record:
             self._drain()
@@ -146,7 +147,7 @@ class RecorderFeed:
             elif change.alive and not self._following:
                 self._sent = self._safe = self._bytes = 0
                 self._under_way.clear()
-                self._late = False
+                self._late = self._failed = False
                 self._invite(self._begun)
                 if self._following:
                     self._warn("recording", "a recorder is back and records from here on")
@@ -163,6 +164,9 @@ class RecorderFeed:
         except ProtocolError:
             return
         self._acknowledge(min(self._sent, recorded.messages + recorded.lost))
+        if recorded.state == RecordingState.FAILED and not self._failed:
+            self._failed = True
+            self._warn("recording", recorded.note)
 
     def _acknowledge(self, safe: int) -> None:
         while self._safe < safe:

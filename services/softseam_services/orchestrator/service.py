@@ -107,7 +107,7 @@ _TURN = 110.0
 """longest wait of a request for the one before it in the same session [s]"""
 _HEARD = 0.3
 """time in which it is heard that a client was killed just now [s]"""
-_GONE = "its client has gone"
+_GONE, _SILENT = "its client has gone", "its client showed no sign of life, and its place was needed"
 _log = logging.getLogger(__name__)
 
 
@@ -188,7 +188,12 @@ class ClientHandler:
                 raise Refused(Failure(FailureKind.BUSY, f"{MOST_SESSIONS} sessions are open: close one"))
 
     def _make_room(self) -> bool:
-        """Close a session whose client has gone, or the one that was idle longest, if it was for long enough."""
+        """Close a session whose client shows no sign of life, or has gone, or the one that was idle longest, if it was
+        for long enough."""
+        clients = dict(self._clients)
+        for session in self._liveness.silent(clients):
+            if self._end_in_turn(session, clients[session], _SILENT, LEFT_IN_NEED):
+                return True
         now = time.monotonic()
         heard, end = now + _HEARD, now + LEFT_IN_NEED + 2.0 * _NEWS
         while len(clients := dict(self._clients)) >= MOST_SESSIONS:

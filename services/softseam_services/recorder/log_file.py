@@ -14,6 +14,7 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.messages.recording import Begin, SurfaceMesh
 from softseam_protocol.wire import codec
+from softseam_services.recorder.room import check_room
 from softseam_services.recorder.whole_file import Existing, RecordError, WholeFile
 
 EPOCH = 946_684_800
@@ -31,6 +32,10 @@ class LogFile:
     def __init__(self, path: Path, begin: Begin, *, existing: Existing = "error") -> None:
         if path.suffix != ".mcap":
             raise RecordError(f"{path}: a recording's name ends in .mcap")
+        try:
+            check_room(path, 0)
+        except OSError as error:
+            raise RecordError(f"cannot create the recording {path}: {error.strerror or error}") from error
         self._file = WholeFile(path, existing, _tail("was cut off: its recorder did not finish"))
         self.path = self._file.path
         self._writer = Writer(self._file, chunk_size=CHUNK, compression=CompressionType.ZSTD, enable_crcs=True)  # type: ignore[arg-type]

@@ -2,7 +2,8 @@
 
 `write` encodes at once, so the caller may reuse its arrays, and leaves compression and the disk to a thread. It waits
 at most `patience` seconds for room in the queue; then messages are dropped and counted until the queue has drained.
-A disk that fails ends the recording, not the run: the file is closed readable and the rest counts as lost.
+A disk that fails, is about to be full, or a recording that is too large ends the recording, not the run: the file is
+closed readable and the rest counts as lost.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from softseam_protocol.messages.recording import Begin, Recorded
 from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.wire import codec
 from softseam_services.recorder.log_file import LogFile
+from softseam_services.recorder.room import check_room
 from softseam_services.recorder.whole_file import Existing
 
 FLUSH_PERIOD = 0.2
@@ -177,6 +179,8 @@ class McapRecorder:
         if closing or time.monotonic() >= self._due:
             self._file.flush()
             self._safe, self._due = accepted, time.monotonic() + FLUSH_PERIOD
+            if not closing:
+                check_room(self.path, self._file.size)
         return not closing
 
     def _close_broken(self, why: str) -> None:
