@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -76,7 +77,7 @@ class Recording:
     path  a file, or a folder: then its newest recording
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, _until: int | None = None) -> None:
         self.path = _newest(Path(path))
         self.counts: dict[str, int] = {}
         """messages by type"""
@@ -89,6 +90,8 @@ class Recording:
         self._spans: list[tuple[int, int]] = []  # of the file, with messages
         self._about: dict[str, dict[str, str]] = {}
         self._profile = ""
+        self._steps: list[tuple[str, int]] = []  # kind and step of every message that is read
+        self._before: list[Recording] = []  # files that this one goes on from, oldest first
         self._gaps = self._scan()
         self._accept()
         self.bundle = Bundle(
@@ -101,6 +104,10 @@ class Recording:
         if not self.surfaces and self.counts.get("Frame"):
             self._build_surfaces()
         self.holes = tuple(gap.hole(self.scene.step) for gap in self._gaps)
+        if _until is None:
+            self._go_back()
+        else:
+            self._cut(_until)
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -152,10 +159,49 @@ class Recording:
             yield codec.peek(message.data).__name__, message.log_time, message.publish_time, message.data
 
     def _messages(self) -> Iterator[Message]:
+        for before in self._before:
+            yield from before._messages()
+        yield from islice(self._own(), len(self._steps))
+
+    def _own(self) -> Iterator[Message]:
         with self._open() as stream:
             for start, end in self._spans:
                 for group in walk(stream, start, end):
                     yield from (record for record in group.records if isinstance(record, Message))
+
+    def _go_back(self) -> None:
+        """Find the files beside this one with the steps before its own, which an orchestrator wrote that was lost."""
+        at, holes = self, self.holes
+        seen = {self.path.name}
+        while link := at._about.get("continues"):
+            name, step = link.get("file", ""), link.get("step", "")
+            if Path(name).name != name or name in seen or not step.isdecimal():  # no file of another folder
+                break
+            seen.add(name)
+            try:
+                at = Recording(at.path.with_name(name), int(step))
+            except RecordingError as error:
+                until = int(step) * self.scene.step
+                holes = (Hole(f"goes on from a file that cannot be read ({error})", 0, 0.0, until, int(step)), *holes)
+                break
+            if at.bundle.scene != self.bundle.scene:
+                break
+            self._before.insert(0, at)
+            holes = (*at.holes, *holes)
+            for kind, count in at.counts.items():
+                self.counts[kind] = self.counts.get(kind, 0) + (count if kind != SurfaceMesh.__name__ else 0)
+        self.holes = holes
+
+    def _cut(self, step: int) -> None:
+        """Leave out what comes after the last message of a step before this one: another file has it again."""
+        self._steps = self._steps[: 1 + max((i for i, (_, at) in enumerate(self._steps) if at < step), default=-1)]
+        self.counts = dict(Counter(kind for kind, _ in self._steps))
+        known = max((at + 1 for kind, at in self._steps if kind == StepReport.__name__), default=0)
+        here, there = known * self.scene.step, step * self.scene.step
+        holes = [hole for hole in self.holes if hole.end is not None and hole.end <= there]
+        if known < step:
+            holes.append(Hole("was cut off before the next file begins", 0, here, there, step - known))
+        self.holes = tuple(holes)
 
     def _open(self) -> BinaryIO:
         try:
@@ -201,6 +247,7 @@ class Recording:
             raise Damage(f"is damaged: a message cannot be decoded ({error})") from None
         for message in decoded:
             kind = type(message).__name__
+            self._steps.append((kind, message.header.step))
             self.counts[kind] = self.counts.get(kind, 0) + 1
             if isinstance(message, SurfaceMesh):
                 self.surfaces[message.body] = message

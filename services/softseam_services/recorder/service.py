@@ -56,7 +56,7 @@ class RecorderHandler:
         if known is not None and known.begin == begin.header and known.messages == 0:
             return known.progress()  # the same request again
         if known is not None:
-            self._end(session, "begun anew", 0.0)
+            self._end(session, "it goes on in another file" if begin.header.step else "begun anew", 0.0)
         orchestrators = self._bus.live(self._keys.every_live("orchestrator"))
         for other, taping in list(self._tapings.items()):
             if not taping.orchestrators & orchestrators:
