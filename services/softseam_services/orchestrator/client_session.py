@@ -152,16 +152,18 @@ class ClientSession:
             raise trouble
         return self._each(request) if request.each else self._steps(request)
 
-    def _steps(self, request: Step) -> Observation:
+    def _steps(self, request: Step, again: int | None = None) -> Observation:
+        """again: how many were taken of a request that is done once more."""
         commands, number = self._commands(request), request.header.exchange
         before = self._begun[1] if self._begun[0] == number else 0
-        for remaining in range(request.count - before, 0, -1):
+        for remaining in range(request.count - before if again is None else again, 0, -1):
+            fields = request.fields and (request.each or remaining == 1)
             try:
-                if not self._step(commands, fields=request.fields and remaining == 1, more=remaining > 1):
+                if not self._step(commands, fields, more=remaining > 1):
                     break
             except (StepFailed, ParticipantFailed, ParticipantLost) as error:
                 raise counted(error, request.count - remaining, request.count) from error.__cause__
-            if self._due and (base := self._base(number, request.count - remaining + 1)):
+            if again is None and self._due and (base := self._base(number, request.count - remaining + 1)):
                 self._keep(base)
                 self._unkept = 0
         return self._observe(request.fields, taken=True)
@@ -256,8 +258,9 @@ class ClientSession:
         elif isinstance(request, Load | Save):
             state = request.state if isinstance(request, Load) else decode(payload, Saved).state
             self._keep(self._based(state), Entry(replace(request, state=b"") if isinstance(request, Load) else request))
-        elif isinstance(request, Step) and request.each and self._due and (base := self._base()):
-            self._keep(base, Entry(request, answer=payload))
+        elif isinstance(request, Step) and request.each:  # how many steps it takes is a matter of time
+            base = self._base() if self._due else None
+            self._keep(base, Entry(request, self._unkept if base is None else 0, payload, failed=not payload))
         elif payload or self._unkept:
             self._keep(None, Entry(request, self._unkept, failed=not payload))
 
@@ -295,14 +298,9 @@ class ClientSession:
     def _again(self, entry: Entry) -> None:
         """Do once more what was asked of the orchestrator that is lost."""
         request, header, self._begun = entry.request, entry.request.header, (0, 0)
-        reply: Observation | Observations | Saved | Estimated
+        reply: Observation | Saved | Estimated
         if isinstance(request, Step):
-            commands, seen = self._commands(request), []
-            for remaining in range(entry.taken, 0, -1):
-                self._step(commands, request.fields and (request.each or remaining == 1), more=remaining > 1)
-                seen += [self._observe(request.fields, taken=True)] if request.each or remaining == 1 else []
-            seen = seen or [self._observe(request.fields, taken=True)]
-            reply = Observations(header, seen) if request.each else seen[-1]
+            reply = self._steps(request, entry.taken)
         elif isinstance(request, Reset):
             reply = self.reset(request.seed)
         elif isinstance(request, Load):
@@ -322,7 +320,7 @@ class ClientSession:
         """Whether a state is to be kept: where participants keep theirs anyway, as what follows a state that is kept
         elsewhere may have other last bits."""
         at = round(self.simulation.time / self.simulation.scene.step)
-        return at % CHECKPOINT_STEPS == 0 and time.monotonic() - self.kept.since >= SPELL and self.kept.can
+        return at % CHECKPOINT_STEPS == 0 and time.monotonic() - self.kept.since >= SPELL
 
     def _base(self, number: int = 0, taken: int = 0) -> Base | None:
         """The session as it stands, after some steps of a request; None where participants are lost."""

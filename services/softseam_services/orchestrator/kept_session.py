@@ -13,6 +13,7 @@ import os
 import time
 from contextlib import suppress
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 from softseam_protocol.errors import ProtocolError
@@ -92,13 +93,8 @@ class KeptSession:
         self._path = None if folder is None else folder / checked("session", session)
         self._file = -1
         self._size = 0
-        self.since = 0.0
-        """time.monotonic() of the base"""
-
-    @property
-    def can(self) -> bool:
-        """Whether there is a place to keep it in."""
-        return self._path is not None
+        self.since = 0.0 if folder else inf
+        """time.monotonic() of the base; never where there is no place to keep it in"""
 
     @property
     def there(self) -> bool:
@@ -117,7 +113,7 @@ class KeptSession:
         fresh = self._path.with_name(f".{self._path.name}")
         try:
             check_room(fresh, 0)
-            self._close()
+            self.close()
             fresh.unlink(missing_ok=True)
             self._file = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
             self._size = 0
@@ -152,21 +148,18 @@ class KeptSession:
             entries = []
             for head, data in rest:
                 cut = head.pop("request")
-                entries.append(Entry(decode(data[:cut], Asked), answer=data[cut:], **head))
+                failed = bool(head["failed"])
+                entries.append(Entry(decode(data[:cut], Asked), head["taken"], data[cut:], failed))
         except (OSError, ValueError, TypeError, KeyError, ProtocolError) as error:
             raise Damaged(f"what was kept of it is damaged ({error})") from error
         return base, entries
 
     def discard(self) -> None:
         """The session has ended."""
-        self._close()
+        self.close()
         if self._path is not None:
             with suppress(OSError):
                 self._path.unlink(missing_ok=True)
-
-    def leave(self) -> None:
-        """The orchestrator ends, and the session does not."""
-        self._close()
 
     def _add(self, entry: Entry) -> None:
         request = encode(entry.request)
@@ -182,7 +175,8 @@ class KeptSession:
         if os.write(self._file, record) < len(record):
             raise OSError("the disk is full")
 
-    def _close(self) -> None:
+    def close(self) -> None:
+        """The orchestrator ends, and the session does not."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1

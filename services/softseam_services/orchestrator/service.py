@@ -309,7 +309,7 @@ class ClientHandler:
         except (ParticipantLost, ParticipantFailed, ProtocolError) as error:
             _log.warning("closing session %s: %s", session, error)
         if reason == _STOPPED:
-            client.kept.leave()
+            client.kept.close()
         else:
             client.kept.discard()
         self._forget(session, client)
