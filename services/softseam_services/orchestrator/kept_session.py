@@ -24,7 +24,7 @@ from softseam_services.recorder.room import check_room
 
 MOST = 256 << 20
 """of a file [B]"""
-SPELL = 2.0
+SPELL = 2
 """wall time between states that are kept unasked [s], which is about what is simulated again after a loss"""
 FORGOTTEN = 24 * 3600.0
 """age of files of sessions that nobody came back to [s]"""

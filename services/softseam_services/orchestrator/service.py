@@ -17,8 +17,8 @@ gets the same reply, so a client may repeat what it got no answer to; a lower nu
     Close   -> Closed; interrupts a Step under way; closing a session that is not there is no error
 
 Failures: 'schema' (another version), 'invalid' (a scene or value that is refused; nothing changed), 'not_configured'
-(no such session: not opened, closed, or lost with a restarted orchestrator), 'stale', 'busy' (too many sessions),
-'internal' (a participant is lost for good, or a step failed; the text says what to do).
+(no such session: not opened, closed, or not kept when its orchestrator was lost, see `kept_session`), 'stale', 'busy'
+(too many sessions), 'internal' (a participant is lost for good, or a step failed; the text says what to do).
 """
 
 from __future__ import annotations
