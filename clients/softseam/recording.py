@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -104,6 +105,7 @@ class Recording:
         if not self.surfaces and self.counts.get("Frame"):
             self._build_surfaces()
         self.holes = tuple(gap.hole(self.scene.step) for gap in self._gaps)
+        self._until = sys.maxsize if _until is None else _until  # step at which the next file begins
         if _until is None:
             self._go_back()
         else:
@@ -171,37 +173,50 @@ class Recording:
 
     def _go_back(self) -> None:
         """Find the files beside this one with the steps before its own, which an orchestrator wrote that was lost."""
-        at, holes = self, self.holes
-        seen = {self.path.name}
+        at, holes = self, tuple[Hole, ...]()
+        seen, until = {self.path.name}, sys.maxsize
         while link := at._about.get("continues"):
             name, step = link.get("file", ""), link.get("step", "")
-            if Path(name).name != name or name in seen or not step.isdecimal():  # no file of another folder
+            if not step.isdecimal():
+                break
+            until = min(until, int(step))
+            try:
+                if not name or Path(name).name != name or name in seen:  # no file of another folder
+                    raise RecordingError("no file beside it is named")
+                at = Recording(at.path.with_name(name), until)
+                if at.bundle.scene != self.bundle.scene:
+                    raise RecordingError(f"{at.path} is of another scene")
+            except RecordingError as error:
+                why = f"goes on from what cannot be read ({error})"
+                holes = (Hole(why, 0, 0.0, until * self.scene.step, until),)
                 break
             seen.add(name)
-            try:
-                at = Recording(at.path.with_name(name), int(step))
-            except RecordingError as error:
-                until = int(step) * self.scene.step
-                holes = (Hole(f"goes on from a file that cannot be read ({error})", 0, 0.0, until, int(step)), *holes)
-                break
-            if at.bundle.scene != self.bundle.scene:
-                break
             self._before.insert(0, at)
-            holes = (*at.holes, *holes)
             for kind, count in at.counts.items():
                 self.counts[kind] = self.counts.get(kind, 0) + (count if kind != SurfaceMesh.__name__ else 0)
-        self.holes = holes
+        known, step = 0, self.scene.step
+        for each in self._before:
+            known, start = max(known, each._known), each._until
+            holes = (*holes, *each.holes)
+            if known < start:
+                why = "was cut off before the next file begins"
+                holes = (*holes, Hole(why, 0, known * step, start * step, start - known))
+        self.holes = (*holes, *self.holes)
+
+    @property
+    def _known(self) -> int:
+        """Steps before the end of what is read of the file."""
+        return max((at + 1 for kind, at in self._steps if kind == StepReport.__name__), default=0)
 
     def _cut(self, step: int) -> None:
-        """Leave out what comes after the last message of a step before this one: another file has it again."""
-        self._steps = self._steps[: 1 + max((i for i, (_, at) in enumerate(self._steps) if at < step), default=-1)]
+        """Leave out what comes after the last report of a step before this one: another file has it again."""
+        reports = (i for i, (kind, at) in enumerate(self._steps) if kind == StepReport.__name__ and at < step)
+        last = max(reports, default=-1)
+        behind = (i for i, (_, at) in enumerate(self._steps) if i > last and at >= step)
+        self._steps = self._steps[: next(behind, len(self._steps))]
         self.counts = dict(Counter(kind for kind, _ in self._steps))
-        known = max((at + 1 for kind, at in self._steps if kind == StepReport.__name__), default=0)
-        here, there = known * self.scene.step, step * self.scene.step
-        holes = [hole for hole in self.holes if hole.end is not None and hole.end <= there]
-        if known < step:
-            holes.append(Hole("was cut off before the next file begins", 0, here, there, step - known))
-        self.holes = tuple(holes)
+        there = step * self.scene.step
+        self.holes = tuple(hole for hole in self.holes if hole.end is not None and hole.end <= there)
 
     def _open(self) -> BinaryIO:
         try:

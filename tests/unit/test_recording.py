@@ -15,7 +15,8 @@ from mcap.writer import Writer
 from squeeze import Squeeze
 
 from softseam.recording import Recording, RecordingError
-from softseam_protocol.messages.session import StepReport
+from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.messages.session import Event, StepReport
 from softseam_protocol.wire import codec
 from softseam_services.recorder.log_file import LogFile
 
@@ -321,6 +322,8 @@ def continued(folder: Path, cut: int = 45, link: str = "run.mcap") -> tuple[list
     first = LogFile(folder / "run.mcap", run.begin)
     for i, message in enumerate(messages[:cut]):
         first.add(type(message), message.header.time, codec.encode(message), i)
+    late = Event(replace(run.begin.header, step=9), EventKind.RESTORED, "heard before the next file was begun")
+    first.add(Event, 0.0, codec.encode(late), cut)
     first.close("was cut off: it goes on in another file")
     begin = replace(run.begin, header=replace(run.begin.header, step=10, time=10 * run.scene.step))
     second = LogFile(folder / "run-2.mcap", begin, continues=link)
@@ -342,6 +345,20 @@ def test_a_run_in_several_files_is_read_as_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.kernels
+def test_a_file_may_begin_before_the_one_that_it_goes_on_from(tmp_path: Path) -> None:
+    """As where the recorder was lost, and the orchestrator after it: what a later file has counts."""
+    wanted, recording = continued(tmp_path)
+    run = Squeeze(25, cell=0.025)
+    third = LogFile(tmp_path / "run-3.mcap", replace(run.begin, header=replace(run.begin.header, step=7)),
+                    continues=recording.path.name)  # fmt: skip
+    for i, message in enumerate(run.messages()):
+        if message.header.step >= 7:
+            third.add(type(message), message.header.time, codec.encode(message), i)
+    third.close()
+    assert read(tmp_path / "run-3.mcap")[0] == wanted and Recording(tmp_path / "run-3.mcap").note is None
+
+
+@pytest.mark.kernels
 def test_what_lies_between_two_files_of_a_run_is_told(tmp_path: Path) -> None:
     """Steps that the first lacks, or all of it."""
     _, recording = continued(tmp_path, cut=12)
@@ -360,4 +377,5 @@ def test_a_recording_names_no_file_elsewhere(tmp_path: Path, link: str) -> None:
     """Nor itself: it may come from a stranger."""
     (tmp_path / "a").mkdir()
     _, recording = continued(tmp_path / "a", link=link)
-    assert recording.counts["StepReport"] == 15 and recording.note is None
+    assert recording.counts["StepReport"] == 15 and [hole.steps for hole in recording.holes] == [10]
+    assert "no file beside it is named" in str(recording.note)

@@ -286,6 +286,7 @@ class ClientSession:
                     round(self.simulation.time / self.simulation.scene.step),
                     (base.number, base.taken),
                 )
+                self._feed.begin(self._begin())
             for entry in entries:
                 self._again(entry)
         except BaseException:

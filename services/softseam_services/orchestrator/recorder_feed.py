@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from softseam_protocol.bus.client import Bus
-from softseam_protocol.errors import ProtocolError, Refused
+from softseam_protocol.errors import NoReply, ProtocolError, Refused
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.outcomes import RecordingState
 from softseam_protocol.messages.recording import FINISH, Begin, End, Recorded
@@ -27,6 +27,8 @@ MOST_BYTES = 48 * 2**20
 """on their way to the recorder; it holds 64 MiB for its disk"""
 PATIENCE = 2.0
 _ANSWER = 5.0
+_PACE = 1 / 20
+"""of asking a recorder that has not been introduced yet [s]"""
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,9 @@ class RecorderFeed:
         self._following = False
         """a recorder keeps up with this session"""
         self._missing = False
-        """a recorder that kept up is gone, and another one waited for"""
+        """a recorder is gone, or not there yet, and one is waited for"""
+        self._known = False
+        """one was there"""
         self._late = self._failed = False
         self._sent = 0
         """messages since the beginning"""
@@ -76,7 +80,7 @@ class RecorderFeed:
             self.end("reset")
         self._begun = begin
         self._hold_anew([])
-        self._missing = False
+        self._missing = self._known = False
         self._publish(begin)
         if self._record:
             self._drain()
@@ -99,7 +103,7 @@ class RecorderFeed:
         """The run is over: let the recorder finish its file, and say what became of it (None without one)."""
         if self._begun is None:
             return None
-        if self._missing:
+        if self._missing and self._known:
             self._watch(time.monotonic() + PATIENCE)
         end = End(self._begun.header, reason)
         self._begun = None
@@ -150,15 +154,28 @@ class RecorderFeed:
     def _invite(self, begin: Begin) -> None:
         """Ask the recorder to open a file; the answer comes once it listens."""
         try:
-            self._bus.call(self._keys.recorder, begin, Recorded, _ANSWER)
+            self._introduced(begin)
         except Refused as error:
-            self._following = False
+            self._following = self._missing = False
             self._warn("recording", f"the recorder refuses: {error.failure.message}")
         except ProtocolError as error:
-            self._following = False
+            self._following, self._missing = False, True
             self._warn("recording", f"nothing is recorded, no recorder answers: {error}")
         else:
-            self._following = True
+            self._following = self._known = True
+            self._missing = False
+
+    def _introduced(self, begin: Begin) -> None:
+        """Have it answered, by a recorder that lives but of which a process that has just joined has not heard, too."""
+        end = time.monotonic() + PATIENCE
+        while True:
+            try:
+                self._bus.call(self._keys.recorder, begin, Recorded, _ANSWER)
+                return
+            except NoReply:
+                if time.monotonic() > end or not self._bus.live(self._keys.every_live("recorder")):
+                    raise
+                time.sleep(_PACE)
 
     def _drain(self) -> None:
         """Forget what was said about runs before."""
@@ -193,9 +210,10 @@ class RecorderFeed:
         if held:
             at = held[0].header
             begun = replace(begun, header=replace(begun.header, step=at.step, time=at.time))
+        while self._acks is not None and self._acks.get(0.0) is not None:
+            continue  # what the one before said
         self._invite(begun)
         if self._following:
-            self._missing = False
             self._hold_anew(held)
             for each in held:
                 self._bus.publish(self._keys.session(self._session, each.kind), each.payload)

@@ -27,7 +27,7 @@ import logging
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import BusError, ProtocolError, Refused
@@ -277,9 +277,12 @@ class ClientHandler:
     def _close(self, request: Close) -> bytes:
         session = request.header.session
         client = self._clients.get(session)
-        if client is None:
-            KeptSession(self._kept, session).discard()
-        elif not self._end_in_turn(session, client, "closed", _TURN):
+        if client is None and KeptSession(self._kept, session).there:
+            client = self._client(request.header, opening=False)
+            with client.lock, suppress(Refused):
+                if not client.opened:
+                    self._take_up(client)  # so that its recording has what was on its way, and an end
+        if client is not None and not self._end_in_turn(session, client, "closed", _TURN):
             raise Refused(Failure(FailureKind.BUSY, "the request before is still at work: close again"))
         return encode(Closed(request.header))
 

@@ -60,7 +60,7 @@ class LogFile:
         started = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(now // 1_000_000_000))
         about = {"schema": str(SCHEMA_VERSION), "session": begin.header.session, "seed": str(begin.seed)}
         writer.add_metadata("softseam", {**about, "epoch": str(EPOCH), "started": started})
-        if continues:
+        if begin.header.step:
             writer.add_metadata("continues", {"file": continues, "step": str(begin.header.step)})
         writer.add_metadata("facts", dict(begin.facts))
         writer.add_attachment(now, log_time(0.0), "scene.json", "application/json", begin.bundle.scene.encode())
