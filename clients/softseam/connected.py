@@ -124,8 +124,7 @@ class ConnectedBackend:
         raise BadInput("gradients need the simulation in this process: open the session without connect")
 
     def close(self) -> None:
-        """Close the session there; one that cannot be reached for seconds, or is at work, closes it itself
-        once it is idle."""
+        """Close the session there; one that is away for seconds, or at work, closes it itself once it is idle."""
         self._timeout = min(self._timeout, _CLOSE_TIMEOUT)
         try:
             why = self._hang_up()

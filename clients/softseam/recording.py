@@ -106,10 +106,7 @@ class Recording:
             self._build_surfaces()
         self.holes = tuple(gap.hole(self.scene.step) for gap in self._gaps)
         self._until = sys.maxsize if _until is None else _until  # step at which the next file begins
-        if _until is None:
-            self._go_back()
-        else:
-            self._cut(_until)
+        self._go_back() if _until is None else self._cut(_until)
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -187,26 +184,18 @@ class Recording:
                 if at.bundle.scene != self.bundle.scene:
                     raise RecordingError(f"{at.path} is of another scene")
             except RecordingError as error:
-                why = f"goes on from what cannot be read ({error})"
-                holes = (Hole(why, 0, 0.0, until * self.scene.step, until),)
+                holes = (Hole(f"goes on from what cannot be read ({error})", 0, 0.0, until * self.scene.step, until),)
                 break
             seen.add(name)
             self._before.insert(0, at)
             for kind, count in at.counts.items():
                 self.counts[kind] = self.counts.get(kind, 0) + (count if kind != SurfaceMesh.__name__ else 0)
-        known, step = 0, self.scene.step
+        known, dt = 0, self.scene.step
         for each in self._before:
-            known, start = max(known, each._known), each._until
-            holes = (*holes, *each.holes)
-            if known < start:
-                why = "was cut off before the next file begins"
-                holes = (*holes, Hole(why, 0, known * step, start * step, start - known))
+            known = max(known, *(at + 1 for kind, at in each._steps if kind == StepReport.__name__), 0)
+            lost = Hole("was cut off before the next file begins", 0, known * dt, each._until * dt, each._until - known)
+            holes = (*holes, *each.holes, *([lost] if lost.steps > 0 else []))
         self.holes = (*holes, *self.holes)
-
-    @property
-    def _known(self) -> int:
-        """Steps before the end of what is read of the file."""
-        return max((at + 1 for kind, at in self._steps if kind == StepReport.__name__), default=0)
 
     def _cut(self, step: int) -> None:
         """Leave out what comes after the last report of a step before this one: another file has it again."""

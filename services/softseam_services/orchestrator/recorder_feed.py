@@ -50,6 +50,8 @@ class RecorderFeed:
         self._bus, self._keys, self._session = bus, keys, session
         self._record, self._warn = record, warn
         self._begun: Begin | None = None
+        self._asked: Header | None = None
+        """of the file that a recorder was asked for last"""
         self._following = False
         """a recorder keeps up with this session"""
         self._missing = False
@@ -153,6 +155,7 @@ class RecorderFeed:
 
     def _invite(self, begin: Begin) -> None:
         """Ask the recorder to open a file; the answer comes once it listens."""
+        self._asked = begin.header
         try:
             self._introduced(begin)
         except Refused as error:
@@ -230,6 +233,8 @@ class RecorderFeed:
             recorded = decode(received.payload, Recorded)
         except ProtocolError:
             return
+        if recorded.header != self._asked:
+            return  # of the file before
         self._acknowledge(min(self._sent, recorded.messages + recorded.lost))
         if recorded.state == RecordingState.FAILED and not self._failed:
             self._failed = True

@@ -59,8 +59,8 @@ class RecorderHandler:
             self._end(session, "it goes on in another file" if begin.header.step else "begun anew", 0.0)
         orchestrators = self._bus.live(self._keys.every_live("orchestrator"))
         for other, taping in list(self._tapings.items()):
-            known = taping.orchestrators  # none where this process had just joined
-            if known and orchestrators and not known & orchestrators:
+            its = taping.orchestrators  # none where this process had just joined
+            if its and orchestrators and not its & orchestrators:
                 self._end(other, "its orchestrator is gone", 0.0)
         try:
             taping = Taping(self._bus, self._keys, self._directory, session, begin, frozenset(orchestrators))
