@@ -2,7 +2,7 @@
 
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
-.PHONY: help demo dev fast chart rivals lifts references plans atlas claims shapes front results pages figures course bus pbd batch test lint types lock clean
+.PHONY: help demo dev fast chart rivals lifts references plans atlas claims shapes front results pages figures course bus faults pbd batch test lint types lock clean
 
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
@@ -68,6 +68,9 @@ course: $(VENV)/.dev ## run the lessons of docs/course/ and draw their pictures
 
 bus: $(VENV)/.dev ## measure what the bus costs on this machine
 	@$(PY) tests/benchmarks/bus.py
+
+faults: $(VENV)/.dev ## kill and freeze services a hundred times under clients: the same bits, whole recordings
+	@$(PY) tests/benchmarks/faults.py
 
 pbd: $(VENV)/.dev ## measure how fast the PBD participant is on this machine
 	@NUMBA_NRT_STATS=1 PYTHONPATH=tests $(PY) tests/benchmarks/pbd.py

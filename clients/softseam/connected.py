@@ -125,7 +125,7 @@ class ConnectedBackend:
         raise BadInput("gradients need the simulation in this process: open the session without connect")
 
     def close(self) -> None:
-        """Close the session there; one that cannot be reached or is at work closes it itself once it is idle."""
+        """Close the session there; one that is away for seconds, or at work, closes it itself once it is idle."""
         self._timeout = min(self._timeout, _CLOSE_TIMEOUT)
         try:
             why = self._hang_up()
@@ -182,9 +182,9 @@ class ConnectedBackend:
                 raise SchemaMismatch(str(error)) from None
             except errors.NoReply as error:
                 # an orchestrator that is being restarted by its supervisor is back within seconds
-                if isinstance(request, Open) and not repeated:
+                if isinstance(request, Open | Close) and not repeated:
                     hoping = min(end, time.monotonic() + RESTART)
-                if isinstance(request, Close) or time.monotonic() + 0.2 > hoping:
+                if time.monotonic() + 0.2 > hoping:
                     raise lost(
                         f"no orchestrator answers at {self._endpoint} ({error}): start one with `softseam up`"
                     ) from None

@@ -8,6 +8,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -76,7 +78,7 @@ class Recording:
     path  a file, or a folder: then its newest recording
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, _until: int | None = None) -> None:
         self.path = _newest(Path(path))
         self.counts: dict[str, int] = {}
         """messages by type"""
@@ -89,6 +91,8 @@ class Recording:
         self._spans: list[tuple[int, int]] = []  # of the file, with messages
         self._about: dict[str, dict[str, str]] = {}
         self._profile = ""
+        self._steps: list[tuple[str, int]] = []  # kind and step of every message that is read
+        self._before: list[Recording] = []  # files that this one goes on from, oldest first
         self._gaps = self._scan()
         self._accept()
         self.bundle = Bundle(
@@ -101,6 +105,8 @@ class Recording:
         if not self.surfaces and self.counts.get("Frame"):
             self._build_surfaces()
         self.holes = tuple(gap.hole(self.scene.step) for gap in self._gaps)
+        self._until = sys.maxsize if _until is None else _until  # step at which the next file begins
+        self._go_back() if _until is None else self._cut(_until)
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -152,10 +158,54 @@ class Recording:
             yield codec.peek(message.data).__name__, message.log_time, message.publish_time, message.data
 
     def _messages(self) -> Iterator[Message]:
+        for before in self._before:
+            yield from before._messages()
+        yield from islice(self._own(), len(self._steps))
+
+    def _own(self) -> Iterator[Message]:
         with self._open() as stream:
             for start, end in self._spans:
                 for group in walk(stream, start, end):
                     yield from (record for record in group.records if isinstance(record, Message))
+
+    def _go_back(self) -> None:
+        """Find the files beside this one with the steps before its own, which an orchestrator wrote that was lost."""
+        at, holes = self, tuple[Hole, ...]()
+        seen, until = {self.path.name}, sys.maxsize
+        while link := at._about.get("continues"):
+            name, step = link.get("file", ""), link.get("step", "")
+            if not step.isdecimal():
+                break
+            until = min(until, int(step))
+            try:
+                if not name or Path(name).name != name or name in seen:  # no file of another folder
+                    raise RecordingError("no file beside it is named")
+                at = Recording(at.path.with_name(name), until)
+                if at.bundle.scene != self.bundle.scene:
+                    raise RecordingError(f"{at.path} is of another scene")
+            except RecordingError as error:
+                holes = (Hole(f"goes on from what cannot be read ({error})", 0, 0.0, until * self.scene.step, until),)
+                break
+            seen.add(name)
+            self._before.insert(0, at)
+            for kind, count in at.counts.items():
+                self.counts[kind] = self.counts.get(kind, 0) + (count if kind != SurfaceMesh.__name__ else 0)
+        known, dt = 0, self.scene.step
+        for each in self._before:
+            known = max(known, *(at + 1 for kind, at in each._steps if kind == StepReport.__name__), 0)
+            lost = Hole("was cut off before the next file begins", 0, known * dt, each._until * dt, each._until - known)
+            holes = (*holes, *each.holes, *([lost] if lost.steps > 0 else []))
+        self.holes = (*holes, *self.holes)
+
+    def _cut(self, step: int) -> None:
+        """Leave out what comes after the last report of a step before this one: another file has it again."""
+        reports = (i for i, (kind, at) in enumerate(self._steps) if kind == StepReport.__name__ and at < step)
+        last = max(reports, default=-1)
+        behind = (i for i, (_, at) in enumerate(self._steps) if i > last and at >= step)
+        self._steps = self._steps[: next(behind, len(self._steps))]
+        self.counts = dict(Counter(kind for kind, _ in self._steps))
+        there = step * self.scene.step
+        self.holes = tuple(hole for hole in self.holes if hole.end is not None and hole.end <= there)
 
     def _open(self) -> BinaryIO:
         try:
@@ -201,6 +251,7 @@ class Recording:
             raise Damage(f"is damaged: a message cannot be decoded ({error})") from None
         for message in decoded:
             kind = type(message).__name__
+            self._steps.append((kind, message.header.step))
             self.counts[kind] = self.counts.get(kind, 0) + 1
             if isinstance(message, SurfaceMesh):
                 self.surfaces[message.body] = message

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from real_services import LIMITS, Lines, Services, free_port, squeezed_bar
@@ -16,6 +17,14 @@ from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.topics import Keys
 from softseam_services.bus_options import BusOptions
 from softseam_services.launch import UpOptions, supervisor
+
+
+@pytest.fixture(scope="session", autouse=True)
+def state_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Sessions are kept in a folder of the tests' own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(home := tmp_path_factory.mktemp("state")))
+        yield home
 
 
 @pytest.fixture(scope="session")

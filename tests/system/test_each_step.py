@@ -14,12 +14,13 @@ from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.bus.keys import SERVICE
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.participant import Advance, Correct, Observe, Reply, Request
-from softseam_protocol.messages.session import Observation, Observations, Step
+from softseam_protocol.messages.session import Observation, Observations, Open, Step
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.topics import Keys
 from softseam_services.orchestrator import client_session
 from softseam_services.orchestrator.bus_transport import BusTimes
 from softseam_services.orchestrator.embedded import EmbeddedTransport
+from softseam_services.orchestrator.kept_session import KeptSession
 from softseam_services.orchestrator.part_client import StepFailed
 from softseam_services.orchestrator.transport import ParticipantLost
 
@@ -70,10 +71,15 @@ def request(count: int, *, each: bool = False, fields: bool = False) -> Step:
     return Step(Header(SCHEMA_VERSION, "s", "", 0, 0, 1, 0.0), count, True, {}, fields=fields, each=each)
 
 
+def asked(quantities: tuple[str, ...] = ()) -> Open:
+    header = Header(SCHEMA_VERSION, "s", "", 0, 0, 1, 0.0)
+    return Open(header, bundle_scene(squeezed_bar().model_copy(update={"quantities": quantities})))
+
+
 def opened(bus: Bus, quantities: tuple[str, ...] = ()) -> client_session.ClientSession:
     """A session; some quantities are asked for in a request of their own."""
-    one = client_session.ClientSession(bus, Keys("each"), "s", lambda: False)
-    one.open(bundle_scene(squeezed_bar().model_copy(update={"quantities": quantities})), record=False)
+    one = client_session.ClientSession(bus, Keys("each"), "s", lambda: False, KeptSession(None, "s"))
+    one.open(asked(quantities))
     return one
 
 
@@ -132,10 +138,10 @@ def test_a_session_that_cannot_be_seen_is_not_open(bus: Bus, monkeypatch: pytest
     """It may be opened again under its name."""
     monkeypatch.setattr(client_session, "BusTransport", LosingFields)
     monkeypatch.setattr("test_each_step.LAST", -1)
-    one = client_session.ClientSession(bus, Keys("each"), "s", lambda: False)
+    one = client_session.ClientSession(bus, Keys("each"), "s", lambda: False, KeptSession(None, "s"))
     with pytest.raises(ParticipantLost):
-        one.open(bundle_scene(squeezed_bar()), record=False)
+        one.open(asked())
     assert not one.opened
     monkeypatch.setattr(LosingFields, "kinds", ())
-    again = one.open(bundle_scene(squeezed_bar()), record=False)
+    again = one.open(asked())
     assert again.frames and not again.events

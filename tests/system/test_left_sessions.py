@@ -148,16 +148,24 @@ def test_a_session_whose_client_is_gone_for_long_is_ended(
         assert idle.step(1, None, False).report.header.step == 0
 
 
-def test_a_client_that_shows_no_token_keeps_its_session(
+def test_sessions_without_a_token_give_way_at_once(
     endpoint: str, sheet: Bundle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As those of earlier versions: whether it lives is not known."""
-    with victim(endpoint, 2), monkeypatch.context() as patched:
-        patched.setattr(Bus, "declare_live", lambda bus, key: None)
-        silent = ConnectedBackend(sheet, endpoint, record=False, timeout=30.0)
-        silent._bus.close()
-        with pytest.raises(SimulationFailed, match="3 sessions are open: close one"):
-            ConnectedBackend(sheet, endpoint, record=False, timeout=30.0)
+    """Whoever takes all places and shows no sign of life keeps nobody out; a client that lives keeps its place."""
+    with client(endpoint, sheet) as idle:
+        idle.reset(0)
+        with monkeypatch.context() as patched:
+            patched.setattr(Bus, "declare_live", lambda bus, key: None)
+            silent = [ConnectedBackend(sheet, endpoint, record=False, timeout=30.0) for _ in range(4)]
+        for one in silent:
+            one._bus.close()
+        began = time.monotonic()
+        with client(endpoint, sheet) as second, client(endpoint, sheet) as third:
+            assert time.monotonic() - began < 5.0, "at once, though they were used just now"
+            for one in (idle, second, third):
+                assert one.step(1, None, False).report.header.step == 0
+            with pytest.raises(SimulationFailed, match="3 sessions are open: close one"):
+                ConnectedBackend(sheet, endpoint, record=False, timeout=30.0)
 
 
 def test_a_restart_of_the_router_ends_no_session(sheet: Bundle, monkeypatch: pytest.MonkeyPatch) -> None:

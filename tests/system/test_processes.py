@@ -14,7 +14,6 @@ from several_bodies import several
 from trajectory import first_difference, same_frame
 
 from softseam.connected import ConnectedBackend
-from softseam.errors import SoftseamError
 from softseam.variants import with_settings
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.messages.participant import Bundle
@@ -222,35 +221,6 @@ def test_the_router_is_restarted(
     finally:
         backend.close()
     assert first_difference(reference[0], reports) == ""
-
-
-def test_a_lost_orchestrator_is_an_error_that_says_so(services: Services, bus: Bus, bar: Bundle) -> None:
-    """Its sessions are gone with it: the client is told, and a new session works."""
-    backend = ConnectedBackend(bar, services.endpoint, record=False, timeout=60.0)
-    backend.reset(0)
-    os.kill(services.children.pid("orchestrator"), signal.SIGKILL)
-    with pytest.raises(SoftseamError, match=r"open it again|orchestrator"):
-        backend.step(1, None, False)
-    backend.close()
-    services.wait_well()
-    with_new = ConnectedBackend(bar, services.endpoint, record=False, timeout=60.0)
-    assert with_new.step(1, None, False).report.header.step == 0
-    with_new.close()
-
-
-def test_an_orchestrator_lost_in_a_request_is_an_error_too(services: Services, bus: Bus, bar: Bundle) -> None:
-    """Killed while the client waits: told as soon as another one is there, long before the request's timeout."""
-    began = 0.0
-
-    def kill() -> None:
-        nonlocal began
-        began = time.monotonic()
-        os.kill(services.children.pid("orchestrator"), signal.SIGKILL)
-
-    with pytest.raises(SoftseamError, match="open it again"):
-        run(services, bus, bar, 20, kill)
-    assert 0.0 < time.monotonic() - began < 60.0
-    services.wait_well()
 
 
 def test_a_saved_state_survives_everything(services: Services, bus: Bus, bar: Bundle) -> None:

@@ -23,6 +23,7 @@ from squeeze import Squeeze
 from softseam.recording import Recording
 from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.wire import codec
+from softseam_services.recorder import room
 from softseam_services.recorder.log_file import LogFile, log_time
 from softseam_services.recorder.recorder import McapRecorder
 from softseam_services.recorder.whole_file import RecordError, WholeFile
@@ -210,6 +211,39 @@ def test_a_full_disk_ends_the_recording_not_the_run(tmp_path: Path) -> None:
     assert f"was cut off: File too large; read up to {last + 0.01:.6g} s;" in str(recording.note)
     with path.open("rb") as stream:
         assert make_reader(stream).get_summary() is None, "other readers find its end, and scan it"
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(
+    ("name", "bound", "why"),
+    [("MOST", 100_000, "holds the 100,000 B that a recording may"), ("FLOOR", 1 << 60, "B of its disk are free")],
+)
+def test_a_recording_leaves_room_for_others(
+    name: str, bound: int, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a size or with a floor that is free: told while the run goes on; what was counted as safe is in the file."""
+    run, told = Squeeze(400), list[str]()
+    path = tmp_path / "run.mcap"
+    recorder = McapRecorder(path, run.begin, on_loss=told.append)
+    monkeypatch.setattr(room, name, bound)
+    deadline = time.monotonic() + 30.0
+    written = 0
+    while not told and time.monotonic() < deadline:
+        for message in run.messages():
+            recorder.write(message)
+            written += 1
+            time.sleep(0.0002)
+    assert len(told) == 1 and why in told[0] and "the recording ends here, the run goes on" in told[0]
+    recorder.write(next(iter(run.messages())))
+    ended = recorder.close()
+    assert ended.messages + ended.lost == written + 1 and ended.lost > 0 and ended.state == "failed"
+    recording = Recording(path)
+    assert sum(recording.counts.values()) == ended.messages + 1 and why in str(recording.note)
+    assert name == "FLOOR" or path.stat().st_size < 10 * bound
+    if name == "FLOOR":
+        with pytest.raises(RecordError, match=why):
+            McapRecorder(tmp_path / "other.mcap", run.begin)
+        assert not (tmp_path / "other.mcap").exists()
 
 
 def fill(path: Path, run: Squeeze) -> int:

@@ -15,7 +15,8 @@ from mcap.writer import Writer
 from squeeze import Squeeze
 
 from softseam.recording import Recording, RecordingError
-from softseam_protocol.messages.session import StepReport
+from softseam_protocol.messages.outcomes import EventKind
+from softseam_protocol.messages.session import Event, StepReport
 from softseam_protocol.wire import codec
 from softseam_services.recorder.log_file import LogFile
 
@@ -312,3 +313,69 @@ def test_a_folder_stands_for_its_newest_recording(tmp_path: Path) -> None:
         LogFile(tmp_path / name, Squeeze(1, cell=0.025).begin).close()
         os.utime(tmp_path / name, (i, i))
     assert Recording(tmp_path).path.name == "a.mcap"
+
+
+def continued(folder: Path, cut: int = 45, link: str = "run.mcap") -> tuple[list[bytes], Recording]:
+    """Two files: the first has `cut` messages, the second all from step 10 on; what is read of the second."""
+    run = Squeeze(25, cell=0.025)
+    messages = list(run.messages())
+    first = LogFile(folder / "run.mcap", run.begin)
+    for i, message in enumerate(messages[:cut]):
+        first.add(type(message), message.header.time, codec.encode(message), i)
+    late = Event(replace(run.begin.header, step=9), EventKind.RESTORED, "heard before the next file was begun")
+    first.add(Event, 0.0, codec.encode(late), cut)
+    first.close("was cut off: it goes on in another file")
+    begin = replace(run.begin, header=replace(run.begin.header, step=10, time=10 * run.scene.step))
+    second = LogFile(folder / "run-2.mcap", begin, continues=link)
+    for i, message in enumerate(messages):
+        if message.header.step >= 10:
+            second.add(type(message), message.header.time, codec.encode(message), i)
+    second.close()
+    return [codec.encode(message) for message in messages], Recording(folder / "run-2.mcap")
+
+
+@pytest.mark.kernels
+def test_a_run_in_several_files_is_read_as_one(tmp_path: Path) -> None:
+    """What both have is read once; the first ends later than the second begins."""
+    wanted, recording = continued(tmp_path)
+    assert read(recording.path)[0] == wanted and recording.note is None
+    steps = [report.header.step for report in recording.reports()]
+    assert steps == list(range(25)) and recording.counts["StepReport"] == 25
+    assert Recording(tmp_path / "run.mcap").note is not None
+
+
+@pytest.mark.kernels
+def test_a_file_may_begin_before_the_one_that_it_goes_on_from(tmp_path: Path) -> None:
+    """As where the recorder was lost, and the orchestrator after it: what a later file has counts."""
+    wanted, recording = continued(tmp_path)
+    run = Squeeze(25, cell=0.025)
+    third = LogFile(tmp_path / "run-3.mcap", replace(run.begin, header=replace(run.begin.header, step=7)),
+                    continues=recording.path.name)  # fmt: skip
+    for i, message in enumerate(run.messages()):
+        if message.header.step >= 7:
+            third.add(type(message), message.header.time, codec.encode(message), i)
+    third.close()
+    assert read(tmp_path / "run-3.mcap")[0] == wanted and Recording(tmp_path / "run-3.mcap").note is None
+
+
+@pytest.mark.kernels
+def test_what_lies_between_two_files_of_a_run_is_told(tmp_path: Path) -> None:
+    """Steps that the first lacks, or all of it."""
+    _, recording = continued(tmp_path, cut=12)
+    first = sum(1 for _ in Recording(tmp_path / "run.mcap").reports())
+    assert 0 < first < 10 and [hole.steps for hole in recording.holes] == [10 - first]
+    assert f"{10 - first} steps are missing" in str(recording.note)
+    (tmp_path / "run.mcap").unlink()
+    alone = Recording(recording.path)
+    assert [hole.steps for hole in alone.holes] == [10] and "there is no recording" in str(alone.note)
+    assert alone.counts["StepReport"] == 15
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("link", ["../run.mcap", "/etc/passwd", "run-2.mcap", ""])
+def test_a_recording_names_no_file_elsewhere(tmp_path: Path, link: str) -> None:
+    """Nor itself: it may come from a stranger."""
+    (tmp_path / "a").mkdir()
+    _, recording = continued(tmp_path / "a", link=link)
+    assert recording.counts["StepReport"] == 15 and [hole.steps for hole in recording.holes] == [10]
+    assert "no file beside it is named" in str(recording.note)

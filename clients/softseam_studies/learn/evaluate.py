@@ -82,23 +82,17 @@ class Judge:
 
 
 def learned(policy: bytes, algorithm: Algorithm, env: TaskEnv[Any]) -> Rule:
-    """What a policy does, as stable-baselines3 saved it. Raises MissingExtra, and BadInput where it is none of env."""
+    """What a policy does, by its weights alone. Raises MissingExtra, and BadInput where it is none of env."""
     try:
+        import stable_baselines3  # noqa: F401
         import torch
 
-        from softseam_studies.learn.train import load_learner
+        from softseam_studies.learn.weights import load_policy
     except ImportError as error:
         raise missing_extra(error, "judging a policy") from error
     torch.set_num_threads(1)  # networks this small are slower on two
-    learner = load_learner(algorithm, BytesIO(policy))
-    spaces = (learner.observation_space, learner.action_space)
-    if spaces != (env.observation_space, env.action_space):
-        shown, taken = (space.shape for space in spaces)
-        raise BadInput(
-            f"{POLICY} sees {shown} and gives {taken}, and {type(env).__name__} shows {env.observation_space.shape} "
-            f"and takes {env.action_space.shape}: it is a policy of another task or version, train anew"
-        )
-    return lambda seen, info: learner.predict(seen, deterministic=True)[0]
+    network = load_policy(algorithm, BytesIO(policy), env)
+    return lambda seen, info: network.predict(seen, deterministic=True)[0]
 
 
 def evaluate(wishes: Evaluate, console: Console) -> dict[str, Judged]:

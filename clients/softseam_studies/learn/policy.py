@@ -15,6 +15,8 @@ from softseam_studies.learn.tasks import TASKS, VERSION, Stage
 Algorithm = Literal["ppo", "sac"]
 
 POLICY, TRAINING = "policy.zip", "training.json"
+MOST = 64 << 20
+"""what a policy may unpack to, a hundred times what one does [B]"""
 _FORMAT = 1
 
 
@@ -102,9 +104,12 @@ def _check_saved(path: Path) -> None:
         raise BadInput(f"{path} is missing: train anew")
     try:
         with zipfile.ZipFile(path) as saved:
+            size = sum(each.file_size for each in saved.infolist())
             # a policy holds archives of its own: the end of one is found where the file's is missing
-            whole = saved.testzip() is None and {"data", "policy.pth"} <= set(saved.namelist())
+            whole = size > MOST or (saved.testzip() is None and "policy.pth" in saved.namelist())
     except (zipfile.BadZipFile, OSError, EOFError, ValueError):
-        whole = False
+        size, whole = 0, False
+    if size > MOST:
+        raise BadInput(f"{path} unpacks to {size:,} B, more than any policy ({MOST:,} B): train anew")
     if not whole:
         raise BadInput(f"{path} is cut short or damaged: train anew")

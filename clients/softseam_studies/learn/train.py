@@ -5,7 +5,6 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -21,9 +20,10 @@ from softseam.outputs import check_outputs, whole
 from softseam_protocol.facts import cores
 from softseam_studies.cli_learning import Train
 from softseam_studies.learn.check import Beside, show_checks
-from softseam_studies.learn.policy import POLICY, TRAINING, Algorithm, Training, read_training
+from softseam_studies.learn.policy import POLICY, Algorithm, Training, read_training
 from softseam_studies.learn.sessions import Sessions
 from softseam_studies.learn.tasks import TASKS, Stage, Task, task_of
+from softseam_studies.learn.weights import NETWORK, go_on
 
 _KEPT = 100
 """episodes that the curve is a mean of"""
@@ -102,7 +102,7 @@ def _learn(training: Training, folder: Path, console: Console, wishes: Train) ->
     vector = vectorised(training)
     if wishes.resume:
         try:
-            learner = load_learner(training.algorithm, folder / POLICY, vector)
+            learner = load_learner(training, folder / POLICY, vector)
         except BadInput:
             vector.close()
             raise
@@ -202,20 +202,16 @@ def algorithm(name: Algorithm) -> Any:
     return {"ppo": stable_baselines3.PPO, "sac": stable_baselines3.SAC}[name]
 
 
-def load_learner(name: Algorithm, saved: Path | BytesIO, vector: Any = None) -> Any:
-    """What stable-baselines3 saved, to go on in the environments `vector`. Raises BadInput where it is none."""
-    try:
-        return algorithm(name).load(saved, env=vector, device="cpu")
-    except Exception as error:  # stable-baselines3 checks nothing, and fails by whatever it meets
-        raise BadInput(
-            f"{POLICY} is no policy that {name} learned, or one of another task ({type(error).__name__}): was it or "
-            f"{TRAINING} copied from another folder? Train anew"
-        ) from error
+def load_learner(training: Training, saved: Path, vector: Any) -> Any:
+    """What learned so far, to go on in the environments `vector`. Raises BadInput where the file is none of it."""
+    learner = new_learner(training, vector)
+    go_on(learner, training.algorithm, saved, training.done)
+    return learner
 
 
 def new_learner(training: Training, vector: Any) -> Any:
     """With constants that learn the tasks (docs/decisions/40, 59)."""
-    task, net = TASKS[training.task], {"net_arch": [64, 64]}
+    task = TASKS[training.task]
     shared: dict[str, Any] = {"seed": training.seed, "device": "cpu", "learning_rate": 5e-4}
     if training.algorithm == "sac":
         # rewards are small beside the entropy that it begins with by default, and change with the weight of stress
@@ -227,7 +223,7 @@ def new_learner(training: Training, vector: Any) -> Any:
             train_freq=1,
             gradient_steps=max(training.environments // 4, 1),
             buffer_size=60_000,
-            policy_kwargs=net,
+            policy_kwargs=dict(NETWORK),
             **shared,
         )
     return algorithm("ppo")(
@@ -237,7 +233,7 @@ def new_learner(training: Training, vector: Any) -> Any:
         n_steps=max(task.rollout // training.environments, 8),
         batch_size=task.rollout // 4,
         n_epochs=10,
-        policy_kwargs=net | {"log_std_init": task.spread[0]},
+        policy_kwargs=NETWORK | {"log_std_init": task.spread[0]},
         **shared,
     )
 

@@ -68,6 +68,8 @@ class EventKind(StrEnum):
     """a phase ends off its force"""
     GONE = "gone"
     """a body left the scene, or came out behind a tool"""
+    KEPT = "kept"
+    """the session is not kept on disk: it would end with its orchestrator"""
     LOST = "lost"
     """the step that its header names counts, but what follows it was not done"""
     MONITOR = "monitor"

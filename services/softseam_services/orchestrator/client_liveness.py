@@ -2,7 +2,7 @@
 
 A token also goes for a while where a client is frozen or cut off, where the router is restarted, and where this process
 joins the bus anew; it comes back. So the time since counts only while a router answers that does not know the token
-either. A client that never showed a token is not known to go.
+either. A client that never showed a token is not known to go: its session stays until another one needs the place.
 """
 
 from __future__ import annotations
@@ -48,6 +48,16 @@ class ClientLiveness:
         """Sessions whose clients have been gone for so long."""
         with self._lock:
             return {session for session, since in self._gone.items() if time.monotonic() - since >= seconds}
+
+    def silent(self, sessions: Collection[str]) -> set[str]:
+        """Those whose clients never showed a token; none where no router answers."""
+        try:
+            tokens = self._bus.live_at_router(self._every) | self._bus.live(self._every)
+        except BusError:
+            return set()
+        live = {live.instance for live in map(self._keys.read_live, tokens) if live}
+        with self._lock:
+            return set(sessions) - live - self._gone.keys()
 
     def forget(self, session: str) -> None:
         """The session has ended."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,11 +14,29 @@ from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import EventKind
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Begin
-from softseam_protocol.messages.session import ErrorEstimate, Event, Frame, Observation, Observations, Step, StepReport
+from softseam_protocol.messages.session import (
+    ErrorEstimate,
+    Estimated,
+    Event,
+    Frame,
+    Load,
+    Observation,
+    Observations,
+    Open,
+    Reset,
+    Save,
+    Saved,
+    Step,
+    StepReport,
+)
 from softseam_protocol.scene.command import Command, checked_command
 from softseam_protocol.topics import Keys
+from softseam_protocol.wire.codec import decode, encode
+from softseam_services.orchestrator.after_step import CHECKPOINT_STEPS
 from softseam_services.orchestrator.bus_transport import BusTransport
-from softseam_services.orchestrator.client_view import counted, observation, restore, snapshot
+from softseam_services.orchestrator.client_view import FAILURES, counted, observation, restore, snapshot
+from softseam_services.orchestrator.clock import Clock
+from softseam_services.orchestrator.kept_session import SPELL, Asked, Base, Entry, KeptSession
 from softseam_services.orchestrator.part_client import StepFailed
 from softseam_services.orchestrator.recorder_feed import RecorderFeed
 from softseam_services.orchestrator.simulation import Simulation
@@ -30,6 +48,8 @@ FRAME_PERIOD = 0.04
 _TURN = 0.1
 """wall time after which a request for each step's observation is answered [s]: its asker shows progress"""
 _MOST_EVENTS = 1000
+_EPOCHS = 1_000_000
+"""more cuts than any orchestrator makes of a session: participants refuse what one that is lost asked them"""
 
 
 class Stopped(RuntimeError):
@@ -54,8 +74,10 @@ class ClientSession:
         keys: Keys,
         session: str,
         stopping: Callable[[], bool],
+        kept: KeptSession,
         routes: Mapping[str, str] | None = None,
     ) -> None:
+        self.kept = kept
         self.lock = threading.Lock()
         self.answer: Answer | None = None
         self.cancelled = False
@@ -70,6 +92,14 @@ class ClientSession:
         self._events: list[Event] = []
         self._trouble: StepFailed | ParticipantFailed | ParticipantLost | None = None
         """what ended the last request for each step's observation; the next one is told"""
+        self._restarts = 0
+        """of the orchestrators that it has outlived"""
+        self._from = 0
+        """steps before those that this orchestrator knows"""
+        self._begun = (0, 0)
+        """number of a request in the middle of which it was taken up, and how many of its steps were taken before"""
+        self._unkept = 0
+        """steps of the last request that the base of what is kept lacks"""
 
     @property
     def opened(self) -> bool:
@@ -80,13 +110,15 @@ class ClientSession:
         assert self._simulation is not None
         return self._simulation
 
-    def open(self, bundle: Bundle, record: bool) -> Observation:
+    def open(self, request: Open) -> Observation:
         """Build the simulation and configure its participants."""
+        self._opened, bundle, record = request, request.bundle, request.record
         self._bundle, self._record = bundle, record
+        clock = Clock(self._session, 1.0, self._restarts * _EPOCHS - 1)
         self._transport = BusTransport(self._bus, self._keys, services=self._routes)
         self._feed = RecorderFeed(self._bus, self._keys, self._session, record=record, warn=self._warn)
         try:
-            self._simulation = Simulation(bundle, self._transport, session=self._session, emit=self._emit)
+            self._simulation = Simulation(bundle, self._transport, emit=self._emit, clock=clock)
             self._seed = self._simulation.scene.seed
             return self._observe(fields=True)
         except BaseException:  # nothing is kept back: whatever ends this leaves no session, feed or asker behind
@@ -99,7 +131,7 @@ class ClientSession:
     def reset(self, seed: int, bundle: Bundle | None = None) -> Observation:
         """Begin the scene anew, or another one in its place."""
         self._feed.end("reset")
-        self._last, self._trouble, self.steps = None, None, 0
+        self._last, self._trouble, self.steps, self._from = None, None, 0, 0
         if bundle is None:
             self.simulation.reset(seed)
         else:
@@ -115,18 +147,25 @@ class ClientSession:
     def step(self, request: Step) -> Observation | Observations:
         """Take `count` steps, fewer where the scene's motion ends before."""
         trouble, self._trouble = self._trouble, None
+        self._unkept = 0
         if trouble is not None:
             raise trouble
         return self._each(request) if request.each else self._steps(request)
 
-    def _steps(self, request: Step) -> Observation:
-        commands = self._commands(request)
-        for remaining in range(request.count, 0, -1):
+    def _steps(self, request: Step, again: int | None = None) -> Observation:
+        """again: how many were taken of a request that is done once more."""
+        commands, number = self._commands(request), request.header.exchange
+        before = self._begun[1] if self._begun[0] == number else 0
+        for remaining in range(request.count - before if again is None else again, 0, -1):
+            fields = request.fields and (request.each or remaining == 1)
             try:
-                if not self._step(commands, fields=request.fields and remaining == 1, more=remaining > 1):
+                if not self._step(commands, fields, more=remaining > 1):
                     break
             except (StepFailed, ParticipantFailed, ParticipantLost) as error:
                 raise counted(error, request.count - remaining, request.count) from error.__cause__
+            if again is None and self._due and (base := self._base(number, request.count - remaining + 1)):
+                self._keep(base)
+                self._unkept = 0
         return self._observe(request.fields, taken=True)
 
     def _each(self, request: Step) -> Observations:
@@ -146,6 +185,7 @@ class ClientSession:
                 self._trouble = error
                 break
             taken.append(self._observe(request.fields, taken=True))
+            more = more and not self._due
         return Observations(request.header, taken or [self._observe(request.fields, taken=True)])
 
     def _commands(self, request: Step) -> Command | None:
@@ -179,6 +219,7 @@ class ClientSession:
         due = self._record and (self.steps + 1) % max(1, round(FRAME_PERIOD / self.simulation.scene.step)) == 0
         self._last = self.simulation.step(commands, fields=due or fields, more=more and commands is None)
         self.steps += 1
+        self._unkept += 1
         self.used = time.monotonic()
         return True
 
@@ -205,9 +246,114 @@ class ClientSession:
             self._feed.close()
             simulation.close()
 
+    # ---- outliving the orchestrator
+
+    def note(self, request: Asked, payload: bytes) -> None:
+        """Keep what was asked, before it is answered by `payload`; without one, of a request that failed."""
+        if isinstance(request, Open):
+            self._keep(Base(request, self._seed))
+        elif isinstance(request, Reset):
+            opened = replace(self._opened, bundle=self._bundle)
+            self._keep(Base(opened, self._seed, restarts=self._restarts), Entry(replace(request, bundle=None)))
+        elif isinstance(request, Load | Save):
+            state = request.state if isinstance(request, Load) else decode(payload, Saved).state
+            self._keep(self._based(state), Entry(replace(request, state=b"") if isinstance(request, Load) else request))
+        elif isinstance(request, Step) and request.each:  # how many steps it takes is a matter of time
+            base = self._base() if self._due else None
+            self._keep(base, Entry(request, self._unkept if base is None else 0, payload, failed=not payload))
+        elif payload or self._unkept:
+            self._keep(None, Entry(request, self._unkept, failed=not payload))
+
+    def take_up(self) -> None:
+        """Be where the session was when its orchestrator was lost.
+
+        Raises Damaged where that is not known any more, and what opening, loading and stepping do.
+        """
+        base, entries = self.kept.read()
+        self._restarts = base.restarts + 1
+        unkept: OSError | None = None
+        try:
+            self.kept.begin(replace(base, restarts=self._restarts), *entries)  # first: participants refuse used epochs
+        except OSError as error:
+            unkept = error
+        seen = self.open(base.opened)
+        try:
+            self._seed = base.seed
+            self._answered(base.opened, encode(seen))
+            if base.state:
+                self._last, self.steps = restore(self.simulation, base.state), base.steps
+                self._from, self._begun = (
+                    round(self.simulation.time / self.simulation.scene.step),
+                    (base.number, base.taken),
+                )
+                self._feed.begin(self._begin())
+            for entry in entries:
+                self._again(entry)
+        except BaseException:
+            self.close("it could not be taken up")
+            raise
+        if unkept is not None:
+            self._tell_unkept(unkept)
+        self._warn("restored", f"the orchestrator was lost; another one goes on after step {self.steps}")
+
+    def _again(self, entry: Entry) -> None:
+        """Do once more what was asked of the orchestrator that is lost."""
+        request, header, self._begun = entry.request, entry.request.header, (0, 0)
+        reply: Observation | Saved | Estimated
+        if isinstance(request, Step):
+            reply = self._steps(request, entry.taken)
+        elif isinstance(request, Reset):
+            reply = self.reset(request.seed)
+        elif isinstance(request, Load):
+            reply = self._observe(fields=True)
+        elif isinstance(request, Save):
+            reply = Saved(header, self.save())
+        else:
+            reply = Estimated(header, self.estimate())
+        if not entry.failed:
+            self._answered(request, entry.answer or encode(reply))
+
+    def _answered(self, request: Asked, payload: bytes) -> None:
+        self.answer = Answer(type(request), request.header.exchange, payload)
+
+    @property
+    def _due(self) -> bool:
+        """Whether a state is to be kept: where participants keep theirs anyway, as what follows a state that is kept
+        elsewhere may have other last bits."""
+        at = round(self.simulation.time / self.simulation.scene.step)
+        return at % CHECKPOINT_STEPS == 0 and time.monotonic() - self.kept.since >= SPELL
+
+    def _base(self, number: int = 0, taken: int = 0) -> Base | None:
+        """The session as it stands, after some steps of a request; None where participants are lost."""
+        try:
+            return self._based(self.save(), number, taken)
+        except FAILURES:
+            return None
+
+    def _based(self, state: bytes, number: int = 0, taken: int = 0) -> Base:
+        opened = replace(self._opened, bundle=self._bundle)
+        return Base(opened, self._seed, self.steps, number, taken, self._restarts, state)
+
+    def _keep(self, base: Base | None, *entries: Entry) -> None:
+        """In the place of all before, where there is a base."""
+        try:
+            if base is not None:
+                self.kept.begin(base, *entries)
+            else:
+                self.kept.add(*entries)
+        except OSError as error:
+            self._tell_unkept(error)
+
+    def _tell_unkept(self, error: OSError) -> None:
+        self._warn("kept", f"the session would end with its orchestrator: it is not kept ({error.strerror or error})")
+
+    # ---- small parts
+
     def _begin(self) -> Begin:
         bodies = {name: one.body for name, one in self.simulation.bodies.items()}
-        return begin(self._bundle, bodies, self.simulation.tools, self._session, self._seed)
+        found = begin(self._bundle, bodies, self.simulation.tools, self._session, self._seed)
+        at = self._from * self.simulation.scene.step
+        return replace(found, header=replace(found.header, step=self._from, time=at))
 
     def _observe(self, fields: bool, taken: bool = False) -> Observation:
         simulation, events = self.simulation, self._events

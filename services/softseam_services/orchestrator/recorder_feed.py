@@ -2,7 +2,8 @@
 
 A recorder says now and then how many messages are safe in its file. While too many (or too many bytes) are on their
 way, publishing waits, `patience` seconds once; after that the run goes on, messages that do not fit are dropped on the
-way, and an event says so. A recorder that dies and comes back is given the session's beginning again.
+way, and an event says so. What is not safe yet when a recorder dies is held, and what comes then, as much as may be on
+its way: the recorder that comes back is given the session's beginning, and all of it, for another file.
 """
 
 from __future__ import annotations
@@ -10,9 +11,12 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 from softseam_protocol.bus.client import Bus
-from softseam_protocol.errors import ProtocolError, Refused
+from softseam_protocol.errors import NoReply, ProtocolError, Refused
+from softseam_protocol.messages.header import Header
+from softseam_protocol.messages.outcomes import RecordingState
 from softseam_protocol.messages.recording import FINISH, Begin, End, Recorded
 from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.topics import Keys, topic_of
@@ -23,6 +27,17 @@ MOST_BYTES = 48 * 2**20
 """on their way to the recorder; it holds 64 MiB for its disk"""
 PATIENCE = 2.0
 _ANSWER = 5.0
+_PACE = 1 / 20
+"""of asking a recorder that has not been introduced yet [s]"""
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A message on its way."""
+
+    header: Header
+    kind: type
+    payload: bytes
 
 
 class RecorderFeed:
@@ -35,14 +50,22 @@ class RecorderFeed:
         self._bus, self._keys, self._session = bus, keys, session
         self._record, self._warn = record, warn
         self._begun: Begin | None = None
+        self._asked: Header | None = None
+        """of the file that a recorder was asked for last"""
         self._following = False
         """a recorder keeps up with this session"""
-        self._late = False
+        self._missing = False
+        """a recorder is gone, or not there yet, and one is waited for"""
+        self._known = False
+        """one was there"""
+        self._late = self._failed = False
         self._sent = 0
         """messages since the beginning"""
         self._safe = 0
         """of these, what the recorder has in its file or has given up"""
-        self._under_way: deque[int] = deque()
+        self._under_way: deque[_Held] = deque()
+        self._last_step: list[_Held] = []
+        """what is safe of the step of the message that became safe last"""
         self._bytes = 0
         self._acks = bus.subscribe(keys.session(session, Recorded), latest=True) if record else None
         self._recorders = bus.watch_live(keys.every_live("recorder")) if record else None
@@ -58,9 +81,8 @@ class RecorderFeed:
         if self._begun is not None:
             self.end("reset")
         self._begun = begin
-        self._sent = self._safe = self._bytes = 0
-        self._under_way.clear()
-        self._late = False
+        self._hold_anew([])
+        self._missing = self._known = False
         self._publish(begin)
         if self._record:
             self._drain()
@@ -68,14 +90,13 @@ class RecorderFeed:
 
     def publish(self, message: StepReport | Frame | Event) -> None:
         """Publish, after waiting for a recorder that lags behind (bounded)."""
-        size = self._publish(message)
+        payload = self._publish(message)
         if not self._record or self._begun is None:
             return
+        if self._following or self._missing:
+            self._hold(_Held(message.header, type(message), payload or encode(message)))
         self._watch()
         if self._following:
-            self._sent += 1
-            self._under_way.append(size)
-            self._bytes += size
             self._read_acks()
             if self._too_many():
                 self._wait()
@@ -84,6 +105,8 @@ class RecorderFeed:
         """The run is over: let the recorder finish its file, and say what became of it (None without one)."""
         if self._begun is None:
             return None
+        if self._missing and self._known:
+            self._watch(time.monotonic() + PATIENCE)
         end = End(self._begun.header, reason)
         self._begun = None
         recorded = None
@@ -94,6 +117,7 @@ class RecorderFeed:
             except ProtocolError as error:
                 self._warn("recording", f"the recorder did not confirm the end of the recording: {error}")
             self._following = False
+        self._missing = False
         return recorded
 
     def close(self) -> None:
@@ -103,29 +127,58 @@ class RecorderFeed:
                 inbox.close()
         self._bus.forget(self._keys.session(self._session, StepReport).rpartition("/")[0] + "/")
 
-    def _publish(self, message: Begin | End | StepReport | Frame | Event) -> int:
-        """Publish; the message's size [B]. A step's report to nobody is not even encoded."""
+    def _publish(self, message: Begin | End | StepReport | Frame | Event) -> bytes:
+        """Publish; the message's bytes. A step's report to nobody is not even encoded."""
         key = self._keys.session(self._session, type(message))
         if isinstance(message, StepReport) and not self._following and not self._bus.listened(key):
-            return 0
+            return b""
         payload = encode(message)
         # without a recorder that keeps up, nobody may slow the run down
         droppable = topic_of(type(message)).droppable or not self._following or self._late
         self._bus.publish(key, payload, droppable)
-        return len(payload)
+        return payload
+
+    def _hold(self, held: _Held) -> None:
+        """Until it is safe; while no recorder is there the oldest give way."""
+        self._sent += 1
+        self._under_way.append(held)
+        self._bytes += len(held.payload)
+        while self._missing and self._too_many():
+            self._bytes -= len(self._under_way.popleft().payload)
+            self._last_step.clear()
+
+    def _hold_anew(self, held: list[_Held]) -> None:
+        """These alone are under way, to a recorder that begins."""
+        self._under_way, self._last_step = deque(held), []
+        self._sent, self._safe, self._bytes = len(held), 0, sum(len(each.payload) for each in held)
+        self._late = self._failed = False
 
     def _invite(self, begin: Begin) -> None:
         """Ask the recorder to open a file; the answer comes once it listens."""
+        self._asked = begin.header
         try:
-            self._bus.call(self._keys.recorder, begin, Recorded, _ANSWER)
+            self._introduced(begin)
         except Refused as error:
-            self._following = False
+            self._following = self._missing = False
             self._warn("recording", f"the recorder refuses: {error.failure.message}")
         except ProtocolError as error:
-            self._following = False
+            self._following, self._missing = False, True
             self._warn("recording", f"nothing is recorded, no recorder answers: {error}")
         else:
-            self._following = True
+            self._following = self._known = True
+            self._missing = False
+
+    def _introduced(self, begin: Begin) -> None:
+        """Have it answered, by a recorder that lives but of which a process that has just joined has not heard, too."""
+        end = time.monotonic() + PATIENCE
+        while True:
+            try:
+                self._bus.call(self._keys.recorder, begin, Recorded, _ANSWER)
+                return
+            except NoReply:
+                if time.monotonic() > end or not self._bus.live(self._keys.every_live("recorder")):
+                    raise
+                time.sleep(_PACE)
 
     def _drain(self) -> None:
         """Forget what was said about runs before."""
@@ -133,23 +186,41 @@ class RecorderFeed:
             while inbox is not None and inbox.get(0.0) is not None:
                 continue
 
-    def _watch(self) -> None:
-        """Notice a recorder that dies or comes back."""
+    def _watch(self, until: float = 0.0) -> None:
+        """Notice a recorder that dies or comes back; until: wait for one so long, on time.monotonic()."""
         assert self._recorders is not None and self._begun is not None
-        while len(self._recorders) > 0:
-            change = self._recorders.get(0.0)
+        while len(self._recorders) > 0 or not (self._following or time.monotonic() > until):
+            change = self._recorders.get(max(0.0, until - time.monotonic()))
             if change is None:
                 return
             if not change.alive and self._following:
-                self._following = False
-                self._warn("recording", "the recorder is gone: what is not in its file yet is lost, the run goes on")
+                self._following, self._missing = False, True
+                self._warn(
+                    "recording",
+                    "the recorder is gone: what is not in its file yet waits for another one, the run goes on",
+                )
             elif change.alive and not self._following:
-                self._sent = self._safe = self._bytes = 0
-                self._under_way.clear()
-                self._late = False
-                self._invite(self._begun)
-                if self._following:
-                    self._warn("recording", "a recorder is back and records from here on")
+                self._come_back(self._begun)
+
+    def _come_back(self, begun: Begin) -> None:
+        """Give a recorder the beginning, and what is held from the first step that is not all safe."""
+        same = [
+            each
+            for each in self._last_step
+            if not self._under_way or each.header.step == self._under_way[0].header.step
+        ]
+        held = [*same, *self._under_way]
+        if held:
+            at = held[0].header
+            begun = replace(begun, header=replace(begun.header, step=at.step, time=at.time))
+        while self._acks is not None and self._acks.get(0.0) is not None:
+            continue  # what the one before said
+        self._invite(begun)
+        if self._following:
+            self._hold_anew(held)
+            for each in held:
+                self._bus.publish(self._keys.session(self._session, each.kind), each.payload)
+            self._warn("recording", f"a recorder is back and records from step {begun.header.step} on")
 
     def _read_acks(self, timeout: float = 0.0) -> None:
         assert self._acks is not None
@@ -162,12 +233,21 @@ class RecorderFeed:
             recorded = decode(received.payload, Recorded)
         except ProtocolError:
             return
+        if recorded.header != self._asked:
+            return  # of the file before
         self._acknowledge(min(self._sent, recorded.messages + recorded.lost))
+        if recorded.state == RecordingState.FAILED and not self._failed:
+            self._failed = True
+            self._warn("recording", recorded.note)
 
     def _acknowledge(self, safe: int) -> None:
         while self._safe < safe:
             self._safe += 1
-            self._bytes -= self._under_way.popleft()
+            held = self._under_way.popleft()
+            self._bytes -= len(held.payload)
+            if self._last_step and self._last_step[0].header.step != held.header.step:
+                self._last_step.clear()
+            self._last_step.append(held)
         if self._late and not self._too_many():
             self._late = False
             self._warn("recording", "the recorder has caught up")

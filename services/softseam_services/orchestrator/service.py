@@ -20,8 +20,8 @@ gets the same reply, so a client may repeat what it got no answer to; a lower nu
 A request's header names the session's secret; from here on the session is `shown` of it.
 
 Failures: 'schema' (another version), 'invalid' (a scene or value that is refused; nothing changed), 'not_configured'
-(no such session: not opened, closed, or lost with a restarted orchestrator), 'stale', 'busy' (too many sessions),
-'internal' (a participant is lost for good, or a step failed; the text says what to do).
+(no such session: not opened, closed, or not kept when its orchestrator was lost, see `kept_session`), 'stale', 'busy'
+(too many sessions), 'internal' (a participant is lost for good, or a step failed; the text says what to do).
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 from softseam_protocol.bus.client import Bus
@@ -45,7 +46,6 @@ from softseam_protocol.messages.session import (
     Closed,
     Estimate,
     Estimated,
-    Load,
     Open,
     Reset,
     Save,
@@ -59,6 +59,7 @@ from softseam_services.bus_options import BusOptions, new_instance
 from softseam_services.lifeline import Lifeline
 from softseam_services.orchestrator.client_liveness import ClientLiveness
 from softseam_services.orchestrator.client_session import Answer, ClientSession, Stopped
+from softseam_services.orchestrator.kept_session import Asked, Damaged, KeptSession, kept_sessions
 from softseam_services.orchestrator.part_client import StepFailed
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
 from softseam_services.progress import tell_progress
@@ -112,7 +113,9 @@ _TURN = 110.0
 """longest wait of a request for the one before it in the same session [s]"""
 _HEARD = 0.3
 """time in which it is heard that a client was killed just now [s]"""
-_GONE = "its client has gone"
+_STOPPED = "the orchestrator was stopped"
+"""for which alone a session is not over"""
+_GONE, _SILENT = "its client has gone", "its client showed no sign of life, and its place was needed"
 _log = logging.getLogger(__name__)
 
 
@@ -124,6 +127,7 @@ class ClientHandler:
         self._clients: dict[str, ClientSession] = {}
         self._lock = threading.Lock()
         self._liveness = ClientLiveness(bus, keys)
+        self._kept = kept_sessions(keys)
 
     def __call__(self, payload: bytes) -> bytes:
         """The reply. Raises Refused, and what `decode` raises, which the bus answers with a Failure."""
@@ -168,35 +172,45 @@ class ClientHandler:
         """End all sessions at once: recordings are finished, participants released, if they can be soon."""
         end = time.monotonic() + _FAREWELL
         clients = list(self._clients.items())
-        for thread in [self._end_aside(session, client, "the orchestrator was stopped") for session, client in clients]:
+        for thread in [self._end_aside(session, client, _STOPPED) for session, client in clients]:
             thread.join(max(0.0, end - time.monotonic()))
         if self._clients:
             _log.warning("%d sessions are left as they are: their services do not answer", len(self._clients))
 
     def _client(self, header: Header, opening: bool) -> ClientSession:
+        try:
+            kept = KeptSession(self._kept, header.session)
+        except ValueError as error:
+            raise Refused(Failure(FailureKind.INVALID, str(error))) from None
         while True:
             with self._lock:
                 client = self._clients.get(header.session)
                 if client is not None:
                     return client
-                if not opening:
+                if not opening and not kept.there:
                     raise Refused(
                         Failure(
                             FailureKind.NOT_CONFIGURED,
                             f"no session {header.session!r} is open here: it was closed, its client was not heard of "
-                            f"for {LEFT:g} s, or it was lost with an orchestrator that died; open it again and load "
-                            "your last saved state",
+                            f"for {LEFT:g} s, or nothing was kept of it when its orchestrator died; open it again and "
+                            "load your last saved state",
                         )
                     )
                 if len(self._clients) < MOST_SESSIONS:
-                    client = ClientSession(self._bus, self._keys, header.session, self._life.stop.is_set, self._routes)
+                    stopping = self._life.stop.is_set
+                    client = ClientSession(self._bus, self._keys, header.session, stopping, kept, self._routes)
                     self._clients[header.session] = client
                     return client
             if not self._make_room():
                 raise Refused(Failure(FailureKind.BUSY, f"{MOST_SESSIONS} sessions are open: close one"))
 
     def _make_room(self) -> bool:
-        """Close a session whose client has gone, or the one that was idle longest, if it was for long enough."""
+        """Close a session whose client shows no sign of life, or has gone, or the one that was idle longest, if it was
+        for long enough."""
+        clients = dict(self._clients)
+        for session in self._liveness.silent(clients):
+            if self._end_in_turn(session, clients[session], _SILENT, LEFT_IN_NEED):
+                return True
         now = time.monotonic()
         heard, end = now + _HEARD, now + LEFT_IN_NEED + 2.0 * _NEWS
         while len(clients := dict(self._clients)) >= MOST_SESSIONS:
@@ -212,8 +226,10 @@ class ClientHandler:
                 return False
         return True
 
-    def _answer(self, client: ClientSession, request: Open | Reset | Step | Save | Load | Estimate) -> bytes:
+    def _answer(self, client: ClientSession, request: Asked) -> bytes:
         """Answer a request, or repeat the answer (client held)."""
+        if not client.opened and client.kept.there:
+            self._take_up(client)
         kept, number = client.answer, request.header.exchange
         if kept is not None:
             if number == kept.number and type(request) is kept.kind:
@@ -227,15 +243,35 @@ class ClientHandler:
                 Failure(FailureKind.NOT_CONFIGURED, f"the session {request.header.session!r} could not be opened")
             )
         client.used = time.monotonic()
-        payload = encode(self._run(client, request))
+        try:
+            payload = encode(self._run(client, request))
+        except Refused:
+            if isinstance(request, Step):
+                client.note(request, b"")
+            raise
+        client.note(request, payload)
         client.answer = Answer(type(request), number, payload)
         return payload
 
-    def _run(self, client: ClientSession, request: Open | Reset | Step | Save | Load | Estimate) -> ClientReply:
-        """Do what is asked; every expected trouble becomes a Failure that says what to do."""
+    def _take_up(self, client: ClientSession) -> None:
+        """Go on with a session whose orchestrator was lost (client held)."""
         try:
+            with _refusing(begins=False):
+                client.take_up()
+        except Damaged as error:
+            client.kept.discard()
+            raise Refused(
+                Failure(
+                    FailureKind.NOT_CONFIGURED,
+                    f"the session was lost with its orchestrator, and {error}: open it again",
+                )
+            ) from error
+
+    def _run(self, client: ClientSession, request: Asked) -> ClientReply:
+        """Do what is asked; every expected trouble becomes a Failure that says what to do."""
+        with _refusing(isinstance(request, Open) or (isinstance(request, Reset) and request.bundle is not None)):
             if isinstance(request, Open):
-                return client.open(request.bundle, request.record)
+                return client.open(request)
             if isinstance(request, Reset):
                 return client.reset(request.seed, request.bundle)
             if isinstance(request, Step):
@@ -245,21 +281,15 @@ class ClientHandler:
             if isinstance(request, Estimate):
                 return Estimated(request.header, client.estimate())
             return client.load(request.state)
-        except ParticipantLost as error:
-            raise Refused(Failure(FailureKind.INTERNAL, str(error))) from error
-        except ParticipantFailed as error:
-            begins = isinstance(request, Open) or (isinstance(request, Reset) and request.bundle is not None)
-            invalid = error.failure.kind == FailureKind.INVALID and begins
-            kind = FailureKind.INVALID if invalid else FailureKind.INTERNAL
-            raise Refused(Failure(kind, str(error))) from error
-        except (StepFailed, Stopped) as error:
-            raise Refused(Failure(FailureKind.INTERNAL, str(error))) from error
-        except (SceneError, ValueError) as error:  # mesh, tool and archive errors are ValueErrors
-            raise Refused(Failure(FailureKind.INVALID, str(error))) from error
 
     def _close(self, request: Close) -> bytes:
         session = request.header.session
         client = self._clients.get(session)
+        if client is None and KeptSession(self._kept, session).there:
+            client = self._client(request.header, opening=False)
+            with client.lock, suppress(Refused):
+                if not client.opened:
+                    self._take_up(client)  # so that its recording has what was on its way, and an end
         if client is not None and not self._end_in_turn(session, client, "closed", _TURN):
             raise Refused(Failure(FailureKind.BUSY, "the request before is still at work: close again"))
         return encode(Closed(request.header))
@@ -298,12 +328,32 @@ class ClientHandler:
             client.close(reason)
         except (ParticipantLost, ParticipantFailed, ProtocolError) as error:
             _log.warning("closing session %s: %s", session, error)
+        if reason == _STOPPED:
+            client.kept.close()
+        else:
+            client.kept.discard()
         self._forget(session, client)
 
     def _forget(self, session: str, client: ClientSession) -> None:
         if self._clients.get(session) is client:
             del self._clients[session]
             self._liveness.forget(session)
+
+
+@contextmanager
+def _refusing(begins: bool) -> Iterator[None]:
+    """Every expected trouble becomes a Failure that says what to do; begins: a scene is opened."""
+    try:
+        yield
+    except ParticipantLost as error:
+        raise Refused(Failure(FailureKind.INTERNAL, str(error))) from error
+    except ParticipantFailed as error:
+        invalid = error.failure.kind == FailureKind.INVALID and begins
+        raise Refused(Failure(FailureKind.INVALID if invalid else FailureKind.INTERNAL, str(error))) from error
+    except (StepFailed, Stopped) as error:
+        raise Refused(Failure(FailureKind.INTERNAL, str(error))) from error
+    except (SceneError, ValueError) as error:  # mesh, tool and archive errors are ValueErrors
+        raise Refused(Failure(FailureKind.INVALID, str(error))) from error
 
 
 def serve_orchestrator(options: BusOptions, life: Lifeline, routes: Mapping[str, str] | None = None) -> None:

@@ -2,7 +2,8 @@
 
 `write` encodes at once, so the caller may reuse its arrays, and leaves compression and the disk to a thread. It waits
 at most `patience` seconds for room in the queue; then messages are dropped and counted until the queue has drained.
-A disk that fails ends the recording, not the run: the file is closed readable and the rest counts as lost.
+A disk that fails, is about to be full, or a recording that is too large ends the recording, not the run: the file is
+closed readable and the rest counts as lost.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from softseam_protocol.messages.recording import Begin, Recorded
 from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.wire import codec
 from softseam_services.recorder.log_file import LogFile
+from softseam_services.recorder.room import check_room
 from softseam_services.recorder.whole_file import Existing
 
 FLUSH_PERIOD = 0.2
@@ -41,14 +43,16 @@ class McapRecorder:
         queue_bytes: int = 64 << 20,
         patience: float = 0.05,
         on_loss: Callable[[str], None] | None = None,
+        continues: str = "",
     ) -> None:
         """Create the file; raises RecordError where that fails.
 
         queue_bytes  encoded messages that may wait for the disk [B]
         patience     longest wait of a `write` for room in the queue [s]
         on_loss      hears once, on the writing thread or the caller's, why messages begin to be lost
+        continues    see `LogFile`
         """
-        self._file = LogFile(Path(path), begin, existing=existing)
+        self._file = LogFile(Path(path), begin, existing=existing, continues=continues)
         self._header = begin.header
         self._queue: deque[tuple[type, float, bytes, int]] = deque()
         self._queued = 0  # bytes
@@ -177,6 +181,8 @@ class McapRecorder:
         if closing or time.monotonic() >= self._due:
             self._file.flush()
             self._safe, self._due = accepted, time.monotonic() + FLUSH_PERIOD
+            if not closing:
+                check_room(self.path, self._file.size)
         return not closing
 
     def _close_broken(self, why: str) -> None:

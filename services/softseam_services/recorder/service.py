@@ -56,10 +56,11 @@ class RecorderHandler:
         if known is not None and known.begin == begin.header and known.messages == 0:
             return known.progress()  # the same request again
         if known is not None:
-            self._end(session, "begun anew", 0.0)
+            self._end(session, "it goes on in another file" if begin.header.step else "begun anew", 0.0)
         orchestrators = self._bus.live(self._keys.every_live("orchestrator"))
         for other, taping in list(self._tapings.items()):
-            if not taping.orchestrators & orchestrators:
+            its = taping.orchestrators  # none where this process had just joined
+            if its and orchestrators and not its & orchestrators:
                 self._end(other, "its orchestrator is gone", 0.0)
         try:
             taping = Taping(self._bus, self._keys, self._directory, session, begin, frozenset(orchestrators))

@@ -81,7 +81,7 @@ def _create(path: Path, existing: Existing) -> tuple[Path, int]:
             os.replace(fresh, path)
             return path, fd
         for i in range(1, 10_000 if existing == "number" else 2):
-            candidate = path if i == 1 else path.with_stem(f"{path.stem}-{i}")
+            candidate = _numbered(path, i)
             try:
                 return candidate, os.open(candidate, flags, 0o644)
             except FileExistsError:
@@ -89,3 +89,15 @@ def _create(path: Path, existing: Existing) -> tuple[Path, int]:
     except OSError as error:
         raise RecordError(f"cannot create the recording {path}: {error.strerror or error}") from error
     raise RecordError(f"{path} exists: choose another name, or remove it first")
+
+
+def last_numbered(path: Path) -> str:
+    """Name of the file that was created last under a name and "number"; empty where there is none."""
+    i = 1
+    while _numbered(path, i).exists():
+        i += 1
+    return _numbered(path, i - 1).name if i > 1 else ""
+
+
+def _numbered(path: Path, i: int) -> Path:
+    return path if i == 1 else path.with_stem(f"{path.stem}-{i}")

@@ -55,11 +55,9 @@ def read_obj(path: str, data: bytes) -> MeshFile:
 
 def _parts(begun: list[tuple[int, str]], n_faces: int) -> tuple[Cells, list[str]]:
     """Number of each face's name (m,), and the names; what comes before the first name has none."""
-    names = list(dict.fromkeys(["", *(name for _, name in begun)]))
-    part = np.zeros(n_faces, dtype=np.int64)
-    for first, name in begun:
-        part[first:] = names.index(name)
-    return part, names
+    numbers = {name: number for number, name in enumerate(dict.fromkeys(["", *(name for _, name in begun)]))}
+    first = [0, *(face for face, _ in begun), n_faces]
+    return np.repeat([0, *(numbers[name] for _, name in begun)], np.diff(first)), list(numbers)
 
 
 def _lines(text: str) -> Iterator[tuple[int, list[str]]]:

@@ -1,0 +1,198 @@
+"""A session on disk, so that it outlives its orchestrator: its scene, a state of it, and what was asked since.
+
+One file a session, of records with a digest each: first the base, which is put in its place whole, then an entry for
+each request, written before its answer is sent. A record that is not whole ends the file: its answer was never sent.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+
+from softseam_protocol.errors import ProtocolError
+from softseam_protocol.messages.session import Estimate, Load, Open, Reset, Save, Step
+from softseam_protocol.topics import Keys, checked
+from softseam_protocol.wire.codec import decode, encode
+from softseam_services.recorder.room import check_room
+
+MOST = 256 << 20
+"""of a file [B]"""
+SPELL = 2
+"""wall time between states that are kept unasked [s], which is about what is simulated again after a loss"""
+FORGOTTEN = 24 * 3600.0
+"""age of files of sessions that nobody came back to [s]"""
+_DIGEST, _LENGTH = 32, 8
+_log = logging.getLogger(__name__)
+
+Asked = Open | Reset | Step | Save | Load | Estimate
+
+
+@dataclass(frozen=True)
+class Base:
+    """What a session is taken up from."""
+
+    opened: Open
+    """with the scene that it has now"""
+    seed: int
+    steps: int = 0
+    """taken since the start"""
+    number: int = 0
+    """of the request in the middle of which it was"""
+    taken: int = 0
+    """steps of that request before"""
+    restarts: int = 0
+    """of its orchestrator so far"""
+    state: bytes = b""
+    """as for Saved; empty at the start of the scene"""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A request that was answered, or failed after some steps."""
+
+    request: Asked
+    taken: int = 0
+    """steps that it took after the base"""
+    answer: bytes = b""
+    """where these steps do not yield it"""
+    failed: bool = False
+
+
+class Damaged(Exception):
+    """A session's file cannot be read."""
+
+
+def kept_sessions(keys: Keys) -> Path | None:
+    """The folder of a deployment's sessions, closed to others, without those that are forgotten; None, and logged,
+    where there can be none: sessions then end with their orchestrator."""
+    home = os.environ.get("XDG_STATE_HOME")
+    try:
+        folder = (Path(home) if home else Path.home() / ".local/state") / "softseam" / "sessions" / keys.deployment
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        folder.chmod(0o700)
+        for path in folder.iterdir():
+            if path.stat().st_mtime < time.time() - FORGOTTEN:
+                path.unlink()
+    except (OSError, RuntimeError) as error:
+        _log.warning("sessions end with this orchestrator: nothing can be kept (%s)", error)
+        return None
+    return folder
+
+
+class KeptSession:
+    """One session's file; every method may be called again. One thread at a time."""
+
+    def __init__(self, folder: Path | None, session: str) -> None:
+        self._path = None if folder is None else folder / checked("session", session)
+        self._file = -1
+        self._size = 0
+        self.since = 0.0 if folder else inf
+        """time.monotonic() of the base; never where there is no place to keep it in"""
+
+    @property
+    def there(self) -> bool:
+        """Whether a session can be taken up."""
+        return self._path is not None and self._path.exists()
+
+    def begin(self, base: Base, *entries: Entry) -> None:
+        """Put a base, and what was asked since, in the place of all that was kept. Raises OSError where the disk does
+        not take it; then nothing is kept."""
+        if self._path is None:
+            return
+        self.since = time.monotonic()
+        head = {"seed": base.seed, "steps": base.steps, "number": base.number, "taken": base.taken}
+        opened = encode(base.opened)
+        head |= {"restarts": base.restarts, "opened": len(opened)}
+        fresh = self._path.with_name(f".{self._path.name}")
+        try:
+            check_room(fresh, 0)
+            self.close()
+            fresh.unlink(missing_ok=True)
+            self._file = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+            self._size = 0
+            self._append(head, opened + base.state)
+            for entry in entries:
+                self._add(entry)
+            fresh.replace(self._path)
+        except OSError:
+            with suppress(OSError):
+                fresh.unlink(missing_ok=True)
+            self.discard()
+            raise
+
+    def add(self, entry: Entry) -> None:
+        """Keep what was asked. Raises OSError as `begin` does; does nothing until the next one then."""
+        if self._file < 0:
+            return
+        try:
+            self._add(entry)
+        except OSError:
+            self.discard()
+            raise
+
+    def read(self) -> tuple[Base, list[Entry]]:
+        """What was kept. Raises Damaged."""
+        assert self._path is not None
+        try:
+            records = list(_records(self._path.read_bytes()))
+            (head, data), *rest = records
+            cut = head.pop("opened")
+            base = Base(decode(data[:cut], Open), state=data[cut:], **head)
+            entries = []
+            for head, data in rest:
+                cut = head.pop("request")
+                failed = bool(head["failed"])
+                entries.append(Entry(decode(data[:cut], Asked), head["taken"], data[cut:], failed))
+        except (OSError, ValueError, TypeError, KeyError, ProtocolError) as error:
+            raise Damaged(f"what was kept of it is damaged ({error})") from error
+        return base, entries
+
+    def discard(self) -> None:
+        """The session has ended."""
+        self.close()
+        if self._path is not None:
+            with suppress(OSError):
+                self._path.unlink(missing_ok=True)
+
+    def _add(self, entry: Entry) -> None:
+        request = encode(entry.request)
+        head = {"taken": entry.taken, "failed": entry.failed, "request": len(request)}
+        self._append(head, request + entry.answer)
+
+    def _append(self, head: dict[str, int], data: bytes) -> None:
+        content = json.dumps(head).encode() + b"\n" + data
+        record = len(content).to_bytes(_LENGTH, "little") + hashlib.sha256(content).digest() + content
+        if self._size + len(record) > MOST:
+            raise OSError(f"it takes more than {MOST:,} B")
+        self._size += len(record)
+        if os.write(self._file, record) < len(record):
+            raise OSError("the disk is full")
+
+    def close(self) -> None:
+        """The orchestrator ends, and the session does not."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+
+def _records(content: bytes) -> list[tuple[dict[str, int], bytes]]:
+    """Heads and data of those that are whole. Raises ValueError where the first is not."""
+    found, at = [], 0
+    while at + _LENGTH + _DIGEST <= len(content):
+        begin = at + _LENGTH + _DIGEST
+        end = begin + int.from_bytes(content[at : at + _LENGTH], "little")
+        if hashlib.sha256(content[begin:end]).digest() != content[at + _LENGTH : begin] or end > len(content):
+            break
+        head, _, data = content[begin:end].partition(b"\n")
+        found.append((json.loads(head), data))
+        at = end
+    if not found:
+        raise ValueError("it has no base")
+    return found
