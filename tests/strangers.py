@@ -18,7 +18,7 @@ from softseam.connected import ConnectedBackend
 from softseam_protocol.bus.client import Bus
 from softseam_protocol.errors import ProtocolError
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
-from softseam_protocol.messages.outcomes import FailureKind
+from softseam_protocol.messages.outcomes import EventKind, FailureKind
 from softseam_protocol.messages.participant import Bundle, Failure, Release, Released
 from softseam_protocol.messages.recording import Begin, End, Recorded
 from softseam_protocol.messages.session import (
@@ -159,14 +159,15 @@ def reads_the_state(attack: Attack) -> bool:
 
 def steps(attack: Attack) -> bool:
     push = {"front": np.array([0.0, 0.01, 0.0])}
-    make = lambda name: Step(attack.header(name), 1, False, push)  # noqa: E731
-    return attack.asks_by_every_name(KEYS.orchestrator, make, Observation)
+    return attack.asks_by_every_name(
+        KEYS.orchestrator, lambda name: Step(attack.header(name), 1, False, push), Observation
+    )
 
 
 def loads(attack: Attack) -> bool:
     """Refused for its bytes would be obeyed, too: somebody read them."""
-    make = lambda name: Load(attack.header(name), b"no state")  # noqa: E731
-    found = [attack.ask(KEYS.orchestrator, make(name)) for name in sorted(attack.names)]
+    names = sorted(attack.names)
+    found = [attack.ask(KEYS.orchestrator, Load(attack.header(name), b"no state")) for name in names]
     return any(isinstance(each, Failure) and each.kind == FailureKind.INVALID for each in found)
 
 
@@ -184,7 +185,7 @@ def forges_an_event(attack: Attack) -> bool:
     heard = attack.friend.subscribe(KEYS.session_all())
     time.sleep(_PAUSE)
     name = attack.victim.session
-    attack.session.put(KEYS.session(name, Event), encode(Event(attack.header(name), "fake", FORGED)))
+    attack.session.put(KEYS.session(name, Event), encode(Event(attack.header(name), EventKind.BUS, FORGED)))
     end, found = time.monotonic() + _PAUSE, False
     while not found and (received := heard.get(end - time.monotonic())) is not None:
         found = FORGED.encode() in received.payload

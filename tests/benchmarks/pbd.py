@@ -26,7 +26,7 @@ from softseam_services.body.materials import build_material
 from softseam_services.pbd.forms import SIGNS, build_forms
 from softseam_services.pbd.hourglass import block_constants
 from softseam_services.pbd.kernels.block import Constants, new_workspace
-from softseam_services.pbd.kernels.block_rows import N_STRESS
+from softseam_services.pbd.kernels.block_rows import N_FOLD, N_STRESS
 from softseam_services.pbd.kernels.form import N_FORM
 from softseam_services.pbd.kernels.lanes import LANES, aligned
 from softseam_services.pbd.kernels.sweep import sweep
@@ -108,14 +108,15 @@ def time_sweep(counts: tuple[int, int, int], boxes: bool = True) -> tuple[int, f
     volume, softness = np.where(real, EDGE**3, 0.0), np.where(real, 8.0 * xw[0, 3], 0.0)
     assert isinstance(scene.body, BodySpec)
     material = build_material(scene.body.material)
+    none = np.zeros((0, N_FOLD, LANES))
     if boxes:
         table = block_constants(material, np.full(3, EDGE), "physical")[None]
-        constants = Constants(table, np.zeros(len(nodes), dtype=np.int32))
+        constants = Constants(table, np.zeros(len(nodes), dtype=np.int32), none)
     else:
         cube = 0.5 * EDGE * SIGNS[None]
         form = build_forms(cube + 1e-4 * np.random.default_rng(1).standard_normal(cube.shape), material, "physical")[0]
         table = np.ascontiguousarray(np.broadcast_to(form[0][:, None], (len(nodes), N_FORM, LANES)))
-        constants = Constants(table, np.arange(len(nodes), dtype=np.int32))
+        constants = Constants(table, np.arange(len(nodes), dtype=np.int32), none)
     arrays = new_workspace(), xw, nodes, volume, softness, aligned(len(nodes), N_STRESS), constants, 1e-4
     inner = max(1, 20_000 // int(real.sum()))
     _sweeps(1, *arrays)

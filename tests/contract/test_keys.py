@@ -105,7 +105,8 @@ def test_a_folder_of_something_else_is_left_alone(folder: Path) -> None:
 
 
 def test_no_key_a_wrong_one_an_unreadable_one_and_no_router_are_four_messages(elsewhere: str, tmp_path: Path) -> None:
-    mine, said = tmp_path / "mine", []
+    mine = tmp_path / "mine"
+    said: list[pytest.ExceptionInfo[BusError]] = []
     with pytest.raises(NoRouter, match="softseam up") as none:
         Bus(free_endpoint(), SOON)
     said.append(none)

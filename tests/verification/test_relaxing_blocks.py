@@ -112,7 +112,8 @@ class Held:
         """Of the first block, mean stress over its volume [Pa]."""
         volume, constants = self.numbers.volume, self.numbers.constants
         exact_stress(self.ws, self.xw, self.nodes, volume, self.stress, constants, self.law)
-        return self.stress[0, : 9 * LANES].reshape(3, 3, LANES)[..., 0] / volume[0, 0]
+        mean: np.ndarray = self.stress[0, : 9 * LANES].reshape(3, 3, LANES)[..., 0] / volume[0, 0]
+        return mean
 
     @property
     def stored(self) -> float:
@@ -180,7 +181,8 @@ def test_the_loss_tangent_of_strain_and_of_bending(omega: float) -> None:
         middle = held.rest - held.rest.mean(axis=0)
         amplitude[:, 0] = middle[:, 1] if way == "shear" else 40.0 * middle[:, 1] * middle[:, 2]
         amplitude *= 1e-4
-        felt, lost = [], 0.0
+        felt: list[float] = []
+        lost = 0.0
         for n in range(periods * steps):
             if n == (periods - 1) * steps:
                 felt, lost = [], held.dissipated
@@ -188,7 +190,7 @@ def test_the_loss_tangent_of_strain_and_of_bending(omega: float) -> None:
             _ = held.P
             pull = np.zeros((len(held.rest) + 8, 4))
             block_forces(held.ws, held.nodes, held.stress, held.numbers.constants, pull, 0, held.n)
-            felt.append(-np.vdot(pull[: len(held.rest), :3], amplitude))
+            felt.append(-float(np.vdot(pull[: len(held.rest), :3], amplitude)))
         phase = omega * dt * (1 + np.arange(steps))
         along, across = 2.0 * np.mean(felt * np.sin(phase)), 2.0 * np.mean(felt * np.cos(phase))
         assert across / along == pytest.approx(loss / storage, rel=3e-3)
