@@ -155,13 +155,14 @@ print(json.dumps(found))
 """
 
 BUDGET = {
-    "fem": ({"advance": 205}, 107_000),
-    "pbd": ({"advance_step": 140, "probe_seam": 115}, 125_000),
+    "fem": ({"advance": 207}, 108_000),
+    "pbd": ({"advance_step": 149, "probe_seam": 116}, 125_000),
 }
 """most functions in the largest kernels that a first start compiles (others: 30), and most instructions of all
 
 Functions are the same on every machine. Instructions are counted after vectorisation and differ among processors: of
-FEM 104,100 with AVX-512 (contact that stores energy and laws that relax brought 12,000), of XPBD 109,700.
+FEM 107,200 with AVX-512 (contact that stores energy, laws that relax or yield brought 15,000), of XPBD 119,800 (the
+same 10,000).
 """
 
 
@@ -180,4 +181,4 @@ def test_a_start_compiles_no_more_than_it_did(model: str) -> None:
     others = {name: n for name, (n, _) in found.items() if n > functions.get(name, 30)}
     assert others == {}
     assert sum(n for _, n in found.values()) <= instructions
-    assert len(found) <= 26
+    assert len(found) <= 27

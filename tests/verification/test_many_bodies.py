@@ -167,7 +167,8 @@ def test_a_recording_has_what_pressed(tmp_path: Path) -> None:
 
 def test_a_tray_bears_what_lies_in_it_and_gives_up_what_is_lifted() -> None:
     """Eight cubes with one upon them, as the shipped scene has twenty-seven, in a jelly that rests sooner: the floor
-    bears all weights to 1e-6, walls press evenly, the lifted cube hangs by itself, and no other moves by 1 mm."""
+    bears all weights to 1e-6 and what friction keeps of the walls' pressures, which differ by .001 at most; the lifted
+    cube hangs by itself, and no other moves by 1 mm."""
     rests = [f"bodies.{name}.material.retardation_time=0.01" for name in ("cube", "picked")]
     weight = 9.81 * 1050.0 * 0.05**3
     with softseam.open(tray(2, "motion.0.hold=2.0", *rests)) as sim:
@@ -176,7 +177,9 @@ def test_a_tray_bears_what_lies_in_it_and_gives_up_what_is_lifted() -> None:
         last = sim.run(fields=True)
     assert -still.wrench["floor"][2] == pytest.approx(9 * weight, rel=1e-6)
     assert still.energies["kinetic"] < 1e-9 * weight * 0.05
-    assert still.wrench["west"][0] == pytest.approx(-still.wrench["east"][0], rel=1e-4)
+    assert np.abs(sum(force[:2] for force in still.wrench.values())).max() < 1e-6 * weight
+    for one, other, along in (("west", "east", 0), ("south", "north", 1)):
+        assert still.wrench[one][along] == pytest.approx(-still.wrench[other][along], rel=2e-3)
     upon = [np.array(each.total) for name, each in still.interfaces.items() if "picked" in name]
     np.testing.assert_allclose(np.sum(upon, axis=0), [0.0, 0.0, -weight], rtol=1e-6, atol=1e-6 * weight)
     assert last.quantities["picked.lift_height"] == pytest.approx(0.08, rel=0.03)
