@@ -60,6 +60,22 @@ def test_by_default_keys_are_among_a_user_s_states(tmp_path: Path, monkeypatch: 
     assert make_keys() == tmp_path / "home" / ".local" / "state" / "softseam" / "keys"
 
 
+def test_a_folder_that_comes_while_it_is_looked_for_is_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen, look = [], Path.is_dir
+
+    def late(path: Path) -> bool:
+        seen.append(path)
+        if len(seen) > 1:
+            return look(path)
+        monkeypatch.setattr(Path, "is_dir", look)
+        make_keys()
+        return False
+
+    monkeypatch.setattr(Path, "is_dir", late)
+    assert read_key(CLIENT).role == CLIENT
+    assert seen == [folder]
+
+
 def test_of_many_that_make_keys_at_once_all_have_the_same(folder: Path) -> None:
     start, found = threading.Barrier(8), []
 

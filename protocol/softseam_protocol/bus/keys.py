@@ -55,6 +55,8 @@ def read_key(role: str) -> Key:
             "SOFTSEAM_KEYS to the client.key that you were handed"
         ) from None
     except OSError as error:
+        if path == place and place.is_dir():
+            return read_key(role)  # the folder came since
         raise BadKey(f"the key {path} cannot be read: {error.strerror}") from None
     except ValueError:
         first = authority = ""
