@@ -31,6 +31,19 @@ _PACE = 1 / 20
 """of asking a recorder that has not been introduced yet [s]"""
 
 
+def answer_of_recorder(bus: Bus, keys: Keys, request: Begin | End, timeout: float) -> Recorded:
+    """The recorder's answer, within `timeout` [s]. One that lives, but that a process which has just joined the bus has
+    not been introduced to, is asked for `PATIENCE`. Raises Refused and ProtocolError."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        try:
+            return bus.call(keys.recorder, request, Recorded, timeout)
+        except NoReply:
+            if time.monotonic() > end or not bus.live(keys.every_live("recorder")):
+                raise
+            time.sleep(_PACE)
+
+
 @dataclass(frozen=True)
 class _Held:
     """A message on its way."""
@@ -113,7 +126,7 @@ class RecorderFeed:
         self._publish(end)
         if self._following:
             try:
-                recorded = self._bus.call(self._keys.recorder, end, Recorded, FINISH)
+                recorded = answer_of_recorder(self._bus, self._keys, end, FINISH)
             except ProtocolError as error:
                 self._warn("recording", f"the recorder did not confirm the end of the recording: {error}")
             self._following = False
@@ -157,7 +170,7 @@ class RecorderFeed:
         """Ask the recorder to open a file; the answer comes once it listens."""
         self._asked = begin.header
         try:
-            self._introduced(begin)
+            answer_of_recorder(self._bus, self._keys, begin, _ANSWER)
         except Refused as error:
             self._following = self._missing = False
             self._warn("recording", f"the recorder refuses: {error.failure.message}")
@@ -167,18 +180,6 @@ class RecorderFeed:
         else:
             self._following = self._known = True
             self._missing = False
-
-    def _introduced(self, begin: Begin) -> None:
-        """Have it answered, by a recorder that lives but of which a process that has just joined has not heard, too."""
-        end = time.monotonic() + PATIENCE
-        while True:
-            try:
-                self._bus.call(self._keys.recorder, begin, Recorded, _ANSWER)
-                return
-            except NoReply:
-                if time.monotonic() > end or not self._bus.live(self._keys.every_live("recorder")):
-                    raise
-                time.sleep(_PACE)
 
     def _drain(self) -> None:
         """Forget what was said about runs before."""

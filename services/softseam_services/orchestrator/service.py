@@ -38,7 +38,7 @@ from softseam_protocol.errors import BusError, ProtocolError, Refused
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Failure
-from softseam_protocol.messages.recording import FINISH, End, Recorded
+from softseam_protocol.messages.recording import FINISH, End
 from softseam_protocol.messages.session import (
     ClientReply,
     ClientRequest,
@@ -61,6 +61,7 @@ from softseam_services.orchestrator.client_liveness import ClientLiveness
 from softseam_services.orchestrator.client_session import Answer, ClientSession, Stopped
 from softseam_services.orchestrator.kept_session import Asked, Damaged, KeptSession, kept_sessions
 from softseam_services.orchestrator.part_client import StepFailed
+from softseam_services.orchestrator.recorder_feed import answer_of_recorder
 from softseam_services.orchestrator.transport import ParticipantFailed, ParticipantLost
 from softseam_services.progress import tell_progress
 from softseam_services.warm_up import settle, warm_orchestrator
@@ -297,7 +298,7 @@ class ClientHandler:
     def _recorded(self, request: End) -> bytes:
         """What became of the session's recording, which the recorder ends if that was not done before."""
         try:
-            return encode(self._bus.call(self._keys.recorder, request, Recorded, FINISH))
+            return encode(answer_of_recorder(self._bus, self._keys, request, FINISH))
         except Refused as error:
             raise Refused(replace(error.failure, message=f"the recorder refused: {error.failure.message}")) from None
         except ProtocolError as error:
