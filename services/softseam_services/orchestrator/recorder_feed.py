@@ -37,7 +37,8 @@ def answer_of_recorder(bus: Bus, keys: Keys, request: Begin | End, timeout: floa
     end = time.monotonic() + PATIENCE
     while True:
         try:
-            return bus.call(keys.recorder, request, Recorded, timeout)
+            answer: Recorded = bus.call(keys.recorder, request, Recorded, timeout)
+            return answer
         except NoReply:
             if time.monotonic() > end or not bus.live(keys.every_live("recorder")):
                 raise
