@@ -26,9 +26,10 @@ DONE = Recorded(END.header, "run.mcap", 3, 0, 100, next(iter(RecordingState)))
 def test_a_recorder_that_lives_is_asked_until_it_is_reached() -> None:
     endpoint = free_endpoint()
     with Router(endpoint), BusOptions(connect=endpoint).open() as recorder, BusOptions(connect=endpoint).open() as bus:
+        changes = bus.watch_live(KEYS.every_live("recorder"))  # as a session's feed does
         recorder.declare_live(KEYS.live("recorder", "recorder", "i1"))
-        while not bus.live(KEYS.every_live("recorder")):
-            time.sleep(0.02)  # the pace of asking
+        change = changes.get(5.0)
+        assert change is not None and change.alive
         late = threading.Timer(
             0.3, lambda: recorder.serve({KEYS.recorder: lambda payload: encode(DONE)}, "late").start()
         )
