@@ -43,7 +43,7 @@ CELLS += [
     "tofu_slab",
     "template_fem",
 ]
-SEVERAL = {"cheese_in_tofu": 19, "dumplings": 8, "strawberries": 14, "tofu_tray": 28}
+SEVERAL = {"cheese_in_tofu": 19, "dumplings": 12, "strawberries": 14, "tofu_tray": 28}
 PARTICLES = ["cloth_fold", "jelly", "pudding", "rope", "template_pbd"]
 
 
