@@ -18,7 +18,7 @@ FALLS = 60
 
 @pytest.mark.slow
 def test_twelve_dumplings_rest_in_their_bowl() -> None:
-    """Surfaces give way by 1/r, some tenths of a millimetre of 33 under what eleven others weigh."""
+    """Surfaces give way by 1/r, .9 mm of 33 under what eleven others weigh, 4.9 mm in knocks of the fall."""
     simulation = Simulation(load_scene(SCENE).bundle, EmbeddedTransport())
     reports = []
     while not simulation.done:
@@ -29,7 +29,7 @@ def test_twelve_dumplings_rest_in_their_bowl() -> None:
     inside = np.array(
         [max([report.penetration, *(each.gap for each in report.interfaces.values())]) for report in reports]
     )
-    assert inside.max() < 3e-3
+    assert inside.max() < 6e-3
     assert inside[FALLS:].max() < 1.5e-3
     weight = 9.81 * sum(float(body.body.mass.sum()) for body in simulation.bodies.values())
     last = reports[-1]
