@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from softseam_protocol.scene.file import load_scene
+from softseam_services.body.body import Body
 from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
@@ -31,7 +32,8 @@ def test_twelve_dumplings_rest_in_their_bowl() -> None:
     )
     assert inside.max() < 6e-3
     assert inside[FALLS:].max() < 1.5e-3
-    weight = 9.81 * sum(float(body.body.mass.sum()) for body in simulation.bodies.values())
+    bodies = [each.body for each in simulation.bodies.values()]
+    weight = 9.81 * sum(float(body.cell_mass.sum()) for body in bodies if isinstance(body, Body))
     last = reports[-1]
     assert len(frames) == 12
     assert -last.wrench[names.index("bowl"), 2] == pytest.approx(weight, rel=0.02)
