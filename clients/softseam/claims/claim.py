@@ -2,13 +2,13 @@
 
 d = |J - J_sibling|,   |J|^2 = (1/T) int_0^T J(t)^2 dt                                                            (1)
 s = |J(t + step) - J(t)| where forces time the motion, else 0,   x = max(0, d - s)                                (2)
-claim = a (min(x, d0) + b max(x - d0, 0)) + c delta x + s + f |J|,   d0 = 0.05 |J|                                (3)
+claim = a (min(x, d0) + b max(x - d0, 0)) + c delta x + s + f |J| + k delta |J|,   d0 = 0.05 |J|                  (3)
 delta = (1/E) sum_i min(D_i, max(K_i-1, K_i)),   at most 1                                                        (4)
 
 is the claim of the curve. What is read off it has a claim of its own, by what is read off the sibling's:
-eq. (3), of a mean g times that, and h times what changes in a step beside a peak, of tools' forces 2 h, with
+eq. (3), of a mean g times that, and h times what changes in a step beside a peak, with
 
-d_r = max(|r - r_sibling|, e d),   s of that number,   max(|r|, |J|) in place of |J|,   f at least 0.01           (5)
+d_r = max(|r - r_sibling|, e d),   s of that number,   max(|r|, |J|) in place of |J|,   f at least 0.008          (5)
 
 Slip begins at the end of a step where friction is spent, a threshold that both runs may miss: s counts twice, as of the
 sibling's steps, b = 1, and a is more. A lift is less by what slips: b = 1.
@@ -19,8 +19,7 @@ a    the sibling errs by more, (1) of sibling.py, but errors grow slowly at edge
      forces of tools on a body that nothing holds are of blows, which err as the root of a step: a = 1/(2^(1/2) - 1)
 b    of large differences most is the sibling's own error, which grew faster than its cells; of a run by XPBD less is,
      for its model may err by as much, and of meshes, which lie otherwise in other cells: their error does not fall with
-     the length of these alone. Stress follows from derivatives, and is of first order: a b = 1, by (1) of sibling.py;
-     of XPBD its model's error is as large again, b = 1
+     the length of these alone. Stress follows from derivatives, and is of a lower order: b is half as large again
 c    where steps take much of the motion, their error no longer grows with their length: what swings or rebounds within
      a few steps is lost by the run and by its sibling alike. K is the kinetic energy, D what a step took, and E the
      largest energy. What steps take beyond the motion that there was is of bodies that tools press slowly, whose work
@@ -28,10 +27,13 @@ c    where steps take much of the motion, their error no longer grows with their
 e    two curves meet now and then, where what is read off both is the same by chance; not so where both are 0
 g    what is too much at one time and too little at another is less in the mean
 h    the true peak is between two steps, but for compression: tools stop within a step. Where forces time the motion, it
-     is one step's all for whatever these move, compression, too: a force is reached within one, and passed at its end
+     is one step's all for whatever these move, compression, too: a force is reached within one, and passed at its end.
+     Twice h of forces of tools; five times of those of blows, which are higher in shorter steps
 f    two curves that cross, or that an edge within a cell bends alike, differ by less than either errs; forces of tools
      most often, whose edges lie anywhere within cells of both, stress, runs by XPBD, whose model's error may be the
      sibling's of its cells, and single numbers, but for a compression that tools prescribe
+k    where a body that nothing holds came to rest is left by its last hops, which steps take: both runs may lose them
+     alike, and be at one. Of displacements that are less than a fifth of a cell; of what moves farther d says enough
 
 Nothing is claimed of slip while a body only creeps: points beside the edges of a contact slide by a hundredth of a
 cell, which neither these cells nor longer ones show. And what would be claimed to be off by more than it is, is *not
@@ -52,7 +54,7 @@ from numpy.typing import NDArray
 from softseam.claims.sibling import LONGER
 from softseam.columns import is_nothing, rms, shown_unit
 from softseam_protocol.models import REFERENCE
-from softseam_protocol.quantities import OF_TOOLS, quantity
+from softseam_protocol.quantities import OF_TOOLS, PROBED, quantity
 from softseam_protocol.scene.bodies import MeshShape
 from softseam_protocol.scene.motion import ClosePhase
 from softseam_protocol.scene.scene import Scene
@@ -108,23 +110,27 @@ BEYOND = 0.2
 """b, of a run by FEM [1]"""
 BEYOND_OTHERWISE = 0.4
 """and of one by XPBD, or by both models, and of meshes [1]"""
+OF_STRESS = 1.5
+"""times b, of stress [1]"""
 OF_MOTION = 4.0
 """c [1]"""
+OF_REST = 1.5
+"""k, of displacements of bodies that nothing holds, less than `SLIDES` [1]"""
 LEAST = 0.002
 """f [1]"""
-LEAST_OTHERWISE = 0.01
+LEAST_OTHERWISE = 0.008
 """and of forces of tools, of stress, of a run by XPBD or by both models, and of single numbers [1]"""
 FINER = LONGER / (LONGER - 1.0)
 """times d that is claimed where the sibling has the shorter cells and steps, so that d is less than the error: (2) of
 sibling.py, of first order [1]"""
-OF_CURVE = 0.6
+OF_CURVE = 0.55
 """e of eq. (5) [1]"""
 OF_MEAN = 0.8
 """g [1]"""
-BESIDE = 0.5
+BESIDE = 0.3
 """h [1]"""
 SLIDES = 0.2
-"""slip over the longest edge of the run's cells from which on a body slides, and does not creep [1]"""
+"""slip, or displacement, over the longest edge of the run's cells from which on a body does not creep [1]"""
 NEXT_TO_NOTHING = 0.1
 """of |J|: what is read off a curve and is less is claimed relative to this, for it may be 0 at the end [1]"""
 GROWS = 1.1
@@ -144,7 +150,8 @@ class Scale:
     small  a of eq. (3) [1]
     beyond b of eq. (3) [1]; None: by the models
     least  f of eq. (3) [1]
-    beside h, times 2 of tools' forces, and where forces time the motion [1]
+    rest   k of eq. (3) [1]
+    beside h; 1 where forces time the motion [1]
     cell   longest edge of the run's cells; 0 where any slip is of a body that slides [m]
     """
 
@@ -157,6 +164,7 @@ class Scale:
     small: float = SMALL
     beyond: float | None = None
     least: float = LEAST
+    rest: float = 0.0
     beside: float = BESIDE
     cell: float = 0.0
 
@@ -172,7 +180,7 @@ class Scale:
         )
         beyond = BEYOND_OTHERWISE if meshes else None
         least = LEAST if alike else LEAST_OTHERWISE
-        beside = (2.0 if timed else 1.0) * BESIDE
+        beside = 1.0 if timed else BESIDE
         return cls(alike, taken, timed, finer=finer, free=free, beyond=beyond, least=least, beside=beside, cell=cell)
 
     def at(self, name: str) -> Scale:
@@ -185,10 +193,13 @@ class Scale:
         if kind == "lift_height":
             return replace(self, beyond=1.0)
         if quantity(name).unit == "Pa":
-            return replace(self, beyond=1.0 / SMALL if self.alike else 1.0, least=LEAST_OTHERWISE)
+            return replace(self, beyond=OF_STRESS * (BEYOND if self.alike else BEYOND_OTHERWISE), least=LEAST_OTHERWISE)
+        if kind in PROBED and self.free:
+            return replace(self, rest=OF_REST)
         if kind not in OF_TOOLS:
             return self
-        return replace(self, small=OF_BLOWS if self.free else self.small, least=LEAST_OTHERWISE, beside=2.0 * BESIDE)
+        small, beside = (OF_BLOWS, 5.0 * BESIDE) if self.free else (self.small, 2.0 * BESIDE)
+        return replace(self, small=small, least=LEAST_OTHERWISE, beside=beside)
 
     @property
     def factor(self) -> float:
@@ -199,7 +210,8 @@ class Scale:
         """Eq. (3), in the unit of d = off, |J| = size and |J(t + step) - J(t)| = in_a_step."""
         late = self.late * in_a_step if self.timed else 0.0
         beyond = max(0.0, off - late)
-        return self.factor * beyond - self._less * max(0.0, beyond - LARGE * size) + late + self.least * size
+        least = self.least + (self.rest * self.taken if size < SLIDES * self.cell else 0.0)
+        return self.factor * beyond - self._less * max(0.0, beyond - LARGE * size) + late + least * size
 
     @property
     def _less(self) -> float:
