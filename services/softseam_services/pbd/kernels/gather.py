@@ -25,7 +25,6 @@ from softseam_services.body.body import SAME, Floats, Ints
 from softseam_services.jit import njit, record
 
 from .flattening import HINGES, find_hinges
-from .sampled_points import LEAST
 from .touch import AREA, CORNER, FADE, GAP, POINT, SHARE, SIDE
 from .touch import NORMAL as FACING
 
@@ -41,6 +40,9 @@ guests add to c along n and across it, see `guests` [m/N], what is added to all 
 e_q of points that are not beside their faces, inf where all are [m]"""
 STIFF, LEVER, ENERGY = 0, 1, 2
 """of a point in eq. (2), of those so near and nearer: the sums of k_q [N/m], of k_q e_q [N], and of k_q e_q^2/2 [J]"""
+_OPEN = 1e-4
+"""how much points that are open count on curved surfaces, of one that is so many spacings inside: with 1e-9 what lies
+still swings by 5e-6 of its weight [1]"""
 _MOST = 24
 """nodes that a point, or the foot of one, follows at most"""
 
@@ -145,7 +147,7 @@ def gather_patches(touch, patches, xw, n_own, among, part):
             bends[r] = find_hinges(touch, meeting, touch.ints[begin + r], row, depth[r], slope[r])
             counts[r] = row[AREA] * row[FADE]
             if curved:
-                pressure = LEAST * touch.spacing[other] * row[FADE] * slope[r, 0]
+                pressure = _OPEN * touch.spacing[other] * row[FADE] * slope[r, 0]
                 for hinge in range(bends[r]):
                     pressure += slope[r, hinge] * max(0.0, -row[GAP] - depth[r, hinge])
                 counts[r] = row[AREA] * pressure
