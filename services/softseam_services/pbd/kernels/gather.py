@@ -25,6 +25,7 @@ from softseam_services.body.body import SAME, Floats, Ints
 from softseam_services.jit import njit, record
 
 from .flattening import HINGES, find_hinges
+from .sampled_points import LEAST
 from .touch import AREA, CORNER, FADE, GAP, POINT, SHARE, SIDE
 from .touch import NORMAL as FACING
 
@@ -141,6 +142,11 @@ def gather_patches(touch, patches, xw, n_own, among, part):
         p = n_ids[2]
         of_one, of_other = np.zeros((p, n_ids[0])), np.zeros((p, n_ids[1]))
         total, normal, first = np.zeros(p), np.zeros((p, 3)), np.zeros(p + 1, dtype=np.int32)
+        counts_near = np.zeros(p, dtype=np.bool_)
+        for r in range(end - begin):
+            if touch.rows[begin + r, FADE] > LEAST:
+                for k in range(_MOST * r, _MOST * r + count[2, r]):
+                    counts_near[whose[k]] = counts_near[whose[k]] or of[k] > 0.0
         sign = -1.0 if touch.sides[meeting, touch.ints[begin, SIDE] % 2] == other else 1.0
         for r in range(end - begin):
             row = touch.rows[begin + r]
@@ -155,8 +161,10 @@ def gather_patches(touch, patches, xw, n_own, among, part):
                 if of[k] <= 0.0:
                     continue
                 i, t = whose[k], counts[r] * of[k]
-                total[i] += t
                 first[i + 1] += bends[r]
+                if row[FADE] <= LEAST and counts_near[i]:  # 1e-9 of what others count, and as many nodes as these
+                    continue
+                total[i] += t
                 for c in range(3):
                     normal[i, c] += t * sign * row[FACING + c]
                 for m in range(_MOST * r, _MOST * r + count[0, r]):
@@ -180,7 +188,8 @@ def gather_patches(touch, patches, xw, n_own, among, part):
                     nearest[i] = min(nearest[i], row[GAP])
                 for c in range(3):
                     along += sign * row[FACING + c] * normal[i, c]
-                mean[i] += counts[r] * of[k] * row[GAP] * along
+                if row[FADE] > LEAST or not counts_near[i]:
+                    mean[i] += counts[r] * of[k] * row[GAP] * along
                 for hinge in range(bends[r]):
                     gap[next_[i]] = row[GAP] + depth[r, hinge]
                     stiff[next_[i]] = row[AREA] * of[k] * slope[r, hinge]
