@@ -102,8 +102,8 @@ PLACES = {"middle": (0.0, 0.0, 1.0), "edge": (0.1, 0.0, 1.0), "inside": (0.14, 0
 def test_two_balls_press_each_other_as_each_presses_a_plane_by_half(tmp_path: Path, model: str, place: str) -> None:
     """Of 50 mm, by planes that come near by 4 mm in all: with the force of either between planes that come near by
     2 mm, in the mean, within 2 %, wherever their cells are touched (of 10 mm, twice as wide as what touches; 7 to 9 %
-    too firm where points of balls by XPBD did not yield to one another by place). And as deep in each other as both
-    are in planes."""
+    too firm where points of balls by XPBD did not yield to one another by place). And no deeper in each other than both
+    are in planes together, within a tenth; the force is along their middles to .5 %."""
     upper, lower = models_of(model)
     up = np.array(PLACES[place]) / np.linalg.norm(PLACES[place])
 
@@ -125,13 +125,14 @@ def test_two_balls_press_each_other_as_each_presses_a_plane_by_half(tmp_path: Pa
         if n == 1:
             return float(np.dot(reports[-1].wrench[1][:3], up)), reports[-1].penetration
         touch = reports[-1].interfaces["touch"]
-        assert abs(np.dot([touch.force_x, touch.force_y, touch.force_z], up)) > 0.999 * touch.force
+        force = np.array([touch.force_x, touch.force_y, touch.force_z])
+        assert np.linalg.norm(np.cross(force, up)) < 5e-3 * np.linalg.norm(force)
         return float(np.dot(reports[-1].wrench[1][:3], up)), touch.gap
 
     alone = {each: pressed(each) for each in {upper, lower}}
     force, deep = pressed(lower, upper)
     assert force == pytest.approx(0.5 * (alone[upper][0] + alone[lower][0]), rel=0.02)
-    assert deep < 1.3 * (alone[upper][1] + alone[lower][1])
+    assert deep < 1.1 * (alone[upper][1] + alone[lower][1])
 
 
 def test_where_cells_are_hardly_changes_the_force(tmp_path: Path) -> None:
