@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.scene.scene import Scene
 from softseam_services.body.body import Body
-from softseam_services.body.bulges import bulges, curvatures
+from softseam_services.body.bulges import bulges, curvatures, curvatures_everywhere, lattice_of
+from softseam_services.body.interpolate import rest_points
 from softseam_services.body.region import build_region
 from softseam_services.checks import doubts
 from softseam_services.server import Setup, build_setup
@@ -58,6 +59,24 @@ def test_a_box_stands_out_nowhere() -> None:
     body = body_of(BOX)
     everything = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
     assert not bulges(body, everything).any()
+
+
+def test_a_lattice_says_the_same_between_points() -> None:
+    """Of a ball's points sum_a rise_a 4 f_a (1 - f_a) is what stands out there, where it turns 1/R along any axis as
+    much as a plane that turns by 1/R beside it; of a box's nothing."""
+    body = body_of(BALL)
+    everything = build_region(body, np.arange(body.n_cells, dtype=np.int32), np.zeros(0, dtype=np.int32))
+    where = lattice_of(body, rest_points(body), body.surface.normal, curvatures_everywhere(body))
+    f = where.octant - np.floor(where.octant)
+    touched = body.surface.area > 0.0
+    between = 4.0 * f * (1.0 - f)
+    out = np.maximum(0.0, (where.rise * between).sum(axis=1))[touched]
+    np.testing.assert_allclose(out, bulges(body, everything)[touched], atol=1e-9)
+    by_mean = (where.mean[:, None] * where.spread * between).sum(axis=1)[touched]
+    np.testing.assert_allclose(by_mean, out, atol=0.1 * out.max())
+    box = body_of(BOX)
+    flat = lattice_of(box, rest_points(box), box.surface.normal, curvatures_everywhere(box))
+    assert not flat.rise.any() and not flat.mean.any()
 
 
 @pytest.mark.parametrize(

@@ -39,8 +39,8 @@ def models_of(model: str) -> tuple[str, str]:
 class Run:
     """Reports of all steps, and where the middles of the bodies' surfaces were after each (s, 3) [m]."""
 
-    def __init__(self, folder: Path, bodies: dict[str, Any], **keys: Any) -> None:
-        (folder / "ball.obj").write_bytes(solids.obj(*solids.sphere(RADIUS, 3)))
+    def __init__(self, folder: Path, bodies: dict[str, Any], fine: bool = False, **keys: Any) -> None:
+        (folder / "ball.obj").write_bytes(solids.obj(*solids.sphere(RADIUS, 5 if fine else 3)))
         data: dict[str, Any] = {"softseam": 1, "name": "meshes", "step": 0.005, "bodies": bodies} | keys
         (folder / "scene.json").write_text(json.dumps(data))
         self.reports: list[StepReport] = []
@@ -92,48 +92,64 @@ def test_an_even_pressure_stays_even_across_unlike_cells(tmp_path: Path, cells: 
     assert worst < 2e-3
 
 
+PLACES = {"middle": (0.0, 0.0, 1.0), "edge": (0.1, 0.0, 1.0), "inside": (0.14, 0.06, 1.0), "corner": (0.2, 0.2, 1.0)}
+"""of a ball's cells, where it is touched: directions from its middle"""
+
+
 @pytest.mark.slow
 @EITHER_WAY_UP
-def test_two_balls_press_each_other_as_each_presses_a_plane_by_half(tmp_path: Path, model: str) -> None:
-    """Of 50 mm, by planes that come near by 4 mm in all: with the force of one by FEM between planes that come near by
-    2 mm, within 2.5 % (cells of 10 mm, as wide as what touches).
-
-    Between planes a ball by XPBD yields by where it is touched, and is 6 % softer: nearer to fine cells. Where bodies
-    touch one another they do not yet, and are as firm as FEM's are.
-    """
+@pytest.mark.parametrize("place", PLACES)
+def test_two_balls_press_each_other_as_each_presses_a_plane_by_half(tmp_path: Path, model: str, place: str) -> None:
+    """Of 50 mm, by planes that come near by 4 mm in all: with the force of either between planes that come near by
+    2 mm, in the mean, within 2 %, wherever their cells are touched (of 10 mm, twice as wide as what touches; 7 to 9 %
+    too firm where points of balls by XPBD did not yield to one another by place). And no deeper in each other than both
+    are in planes together, within a tenth; the force is along their middles to .5 %."""
     upper, lower = models_of(model)
+    up = np.array(PLACES[place]) / np.linalg.norm(PLACES[place])
 
-    def pressed(*models: str) -> float:
+    def pressed(*models: str) -> tuple[float, float]:
         bodies = {
-            name: ball(position=[0.0, 0.0, 2.0 * RADIUS * at], regions={"default": own})
+            name: ball(position=(2.0 * RADIUS * at * up).tolist(), regions={"default": own})
             for at, (name, own) in enumerate(zip(("lower", "upper"), models, strict=False))
         }
-        point, n = [0.0, 0.0, 2.0 * RADIUS * len(models)], len(models)
-        press = {"kind": "plane", "point": point, "normal": [0.0, 0.0, -1.0], "friction": 1.0}
-        keys: dict[str, Any] = {"tools": FLOOR | {"press": press}, "gravity": [0.0, 0.0, 0.0]}
-        keys["motion"] = [{"tools": ["press"], "move": [0.0, 0.0, -0.002 * n], "speed": 0.02}, {"hold": 0.2}]
+        for body in bodies.values():
+            body["material"] |= {"retardation_time": 0.05}
+        n, middle = len(models), np.array([0.0, 0.0, RADIUS])
+        plane = {"kind": "plane", "friction": 1.0}
+        ground = plane | {"point": (middle - RADIUS * up).tolist(), "normal": up.tolist()}
+        press = plane | {"point": (middle + (2 * n - 1) * RADIUS * up).tolist(), "normal": (-up).tolist()}
+        keys: dict[str, Any] = {"tools": {"ground": ground, "press": press}, "gravity": [0.0, 0.0, 0.0]}
+        keys["motion"] = [{"tools": ["press"], "move": (-0.002 * n * up).tolist(), "speed": 0.04}, {"hold": 0.3}]
         keys |= {"interfaces": TOUCH} if n > 1 else {}
-        reports = Run(tmp_path, bodies, **keys).reports
-        if n > 1:
-            touch = reports[-1].interfaces["touch"]
-            assert np.hypot(touch.force_x, touch.force_y) < 1e-3 * touch.force_z
-            assert touch.gap < 2e-4  # of the deepest point; in the mean of a patch 6e-5
-        return float(reports[-1].wrench[1, 2])
+        reports = Run(tmp_path, bodies, fine=True, **keys).reports
+        if n == 1:
+            return float(np.dot(reports[-1].wrench[1][:3], up)), reports[-1].penetration
+        touch = reports[-1].interfaces["touch"]
+        force = np.array([touch.force_x, touch.force_y, touch.force_z])
+        assert np.linalg.norm(np.cross(force, up)) < 5e-3 * np.linalg.norm(force)
+        return float(np.dot(reports[-1].wrench[1][:3], up)), touch.gap
 
-    assert pressed(lower, upper) == pytest.approx(pressed("fem"), rel=0.025)
+    alone = {each: pressed(each) for each in {upper, lower}}
+    force, deep = pressed(lower, upper)
+    assert force == pytest.approx(0.5 * (alone[upper][0] + alone[lower][0]), rel=0.02)
+    assert deep < 1.1 * (alone[upper][1] + alone[lower][1])
 
 
 def test_where_cells_are_hardly_changes_the_force(tmp_path: Path) -> None:
     """A ball of cells of 10 mm, pressed on a block of such cells at five places of these, by a plane that comes near by
-    4 mm: with one force within 1.5 % (at twenty .3 % in the mean, 1.1 % at most)."""
+    4 mm: with one force within 1.5 %, and at each within 3 % of .324 N, which cells of 5 mm find at two places within
+    .1 % (4.1 to 4.4 % too firm where points do not yield by place, and forces are spread evenly over what is pressed).
+    """
     found = []
     for x, y in ((0.0, 0.0), (0.005, 0.005), (0.0025, 0.0), (0.001, 0.004), (-0.0035, 0.0015)):
         bodies = {"lower": block([0.08, 0.08, 0.04], 0.01), "upper": ball(position=[x, y, 0.04])}
         press = {"kind": "plane", "point": [0.0, 0.0, 0.04 + 2.0 * RADIUS], "normal": [0.0, 0.0, -1.0], "friction": 1.0}
         keys: dict[str, Any] = {"tools": FLOOR | {"press": press}, "gravity": [0.0, 0.0, 0.0], "interfaces": TOUCH}
         keys["motion"] = [{"tools": ["press"], "move": [0.0, 0.0, -0.004], "speed": 0.04}, {"hold": 0.2}]
-        found.append(Run(tmp_path, bodies, regions={"default": "pbd"}, **keys).reports[-1].wrench[1, 2])
+        run = Run(tmp_path, bodies, fine=True, regions={"default": "pbd"}, **keys)
+        found.append(run.reports[-1].wrench[1, 2])
     assert np.ptp(found) < 0.015 * np.mean(found)
+    np.testing.assert_allclose(found, 0.3242, rtol=0.03)
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from softseam_services.orchestrator.embedded import EmbeddedTransport
 from softseam_services.orchestrator.simulation import Simulation
 
 SCENE = Path(__file__).parents[2] / "scenes" / "dumplings.yaml"
-FALLS = 60
+FALLS = 80
 """steps in which they meet one another"""
 
 

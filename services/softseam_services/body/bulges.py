@@ -5,6 +5,8 @@ k cannot lie flat there, but stands out from the chord by k (h^2/8) (1 - xi^2), 
 next. k is that of the normals of the points around.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -21,6 +23,44 @@ def bulges(body: Body, region: Region) -> Floats:
     bends = np.einsum("ia,pij,ja->pa", body.axes, curvatures(body)[region.points], body.axes)
     out = (bends * along) @ (0.125 * h**2)
     return np.where(out > 1e-6 * h.min(), out, 0.0)  # what is flat is so but for rounding
+
+
+class Lattice(NamedTuple):
+    """Where p points of a surface are among octants, and how round it is there.
+
+    Between points all of these are between theirs. What stands out at a place x there, from nodes, where what touches
+    turns by a mean curvature H beside it, is sum_a (rise_a + H spread_a) 4 f_a (1 - f_a), f = x - floor(x).
+    """
+
+    octant: Floats
+    """in edges of octants (p, 3)"""
+    rise: Floats
+    """how far what is around stands out half-way between two nodes along each axis (p, 3) [m]"""
+    spread: Floats
+    """the same of a surface that turns by 1/m along it (p, 3) [m^2]"""
+    mean: Floats
+    """mean curvature (p,) [1/m]"""
+
+
+def lattice_of(body: Body, rest: Floats, normal: Floats, bends: Floats) -> Lattice:
+    """Of points at rest (p, 3) [m] with these normals (p, 3), 0 of those on faces of cells, and curvatures (p, 3, 3)
+    [1/m]. Cells that are no boxes have no lattice: nothing stands out."""
+    h = 0.5 * body.edges * body.boxes
+    squares = 0.125 * h**2
+    octant = (rest - body.x_rest[body.cell_nodes[0, 0]]) @ body.axes / (0.5 * body.edges)
+    return Lattice(
+        octant,
+        squares * np.einsum("ia,pij,ja->pa", body.axes, bends, body.axes),
+        squares * (1.0 - (normal @ body.axes) ** 2),
+        0.5 * np.trace(bends, axis1=1, axis2=2),
+    )
+
+
+def curvatures_everywhere(body: Body) -> Floats:
+    """`curvatures`, and at points that no tool touches those of the nearest that one does (P, 3, 3) [1/m]."""
+    rest, touched = rest_points(body), np.flatnonzero(body.surface.area > 0.0)
+    _, nearest = cKDTree(rest[touched]).query(rest)
+    return np.asarray(curvatures(body)[touched][nearest])
 
 
 def curvatures(body: Body) -> Floats:

@@ -17,6 +17,7 @@ from scipy.sparse import csr_array
 from softseam_coupling.kernels.nearest_face import nearest_faces, point_normals
 from softseam_protocol.scene.kinds import Functions
 from softseam_services.body.body import Body, Floats, Ints
+from softseam_services.body.bulges import curvatures_everywhere
 from softseam_services.body.contact_points import PENALTY
 from softseam_services.body.errors import SettingError
 from softseam_services.body.interpolate import FUNCTION_NUMBER, rest_points
@@ -71,6 +72,8 @@ class SampledFaces:
     rounded: NDArray[np.bool_]
     """whether the surface is smooth around each corner of a triangle: between such corners normals go over into one
     another, at others the triangle has its own (t, 3)"""
+    bends: Floats
+    """how its normal turns along it at each point, at rest (p, 3, 3) [1/m]"""
     spacing: float
     """of the nodes [m]"""
     yields: float
@@ -142,6 +145,7 @@ def sampled_faces(body: Body, functions: Functions, others: float = math.inf) ->
         len(patches),
         *_themselves(len(rest)),
         np.zeros(triangles.shape, dtype=np.bool_),
+        np.zeros((len(rest), 3, 3)),
         *_yields(body, DENSE),
         _Functions(
             FUNCTION_NUMBER[functions],
@@ -196,6 +200,7 @@ def _through_cells(body: Body, functions: Functions) -> SampledFaces:
         len(nodes),
         *_upon(rest, triangles, surface.normal, body.resolution),
         rounded,
+        curvatures_everywhere(body),
         *_yields(body, PENALTY),
     )
 

@@ -49,6 +49,7 @@ class Between:
         f, most = int(places[-1]), int(counts.max(initial=0))
         follow, follows, by = _followed(surfaces)
         upon = [uponed(each) for each in all_]
+        lattices = [surfaces.lattice(surface) for surface in range(s)]
         mesh = any(surfaces.followed(surface) for surface in range(s))
         self.touch = Touch(
             body=np.array(surfaces.body, dtype=np.int32),
@@ -70,6 +71,11 @@ class Between:
             area=np.concatenate([each.area for each in all_]),
             inverse_mass=np.concatenate([_inverse_mass(surfaces, pieces, surface) for surface in range(s)]),
             yields=np.array([each.yields for each in all_]),
+            octant=np.concatenate([each.octant for each in lattices]),
+            rise=np.concatenate([each.rise for each in lattices]),
+            spread=np.concatenate([each.spread for each in lattices]),
+            mean=np.concatenate([each.mean for each in lattices]),
+            light=np.array([surfaces.light(surface) for surface in range(s)]),
             spacing=np.array([each.spacing for each in all_]),
             pair=pair,
             sides=sides,

@@ -9,9 +9,12 @@ import numpy as np
 
 from softseam_protocol.scene.interfaces import written_key
 from softseam_services.body.body import Floats, Ints
+from softseam_services.body.bulges import Lattice, lattice_of
 from softseam_services.body.contact_faces import Faces, faces_of
+from softseam_services.body.contact_points import PENALTY
 from softseam_services.body.errors import SettingError
 from softseam_services.body.sampled_faces import SampledFaces, sampled_faces
+from softseam_services.tools.kernels import DENSE, LIGHT
 
 from .pile_pieces import Piece
 
@@ -79,6 +82,23 @@ class Surfaces:
         """A surface of a body of the pile whose points follow its nodes; None of others."""
         found = self.all[surface]
         return found if surface >= self.n_bodies and isinstance(found, SampledFaces) else None
+
+    def lattice(self, surface: int) -> Lattice:
+        """Of its points; of a guest's, whose functions are not trilinear, with how round it is alone."""
+        found, p, flat = self.all[surface], len(self.all[surface].area), np.zeros((len(self.all[surface].area), 3))
+        if not self.of_nodes(surface) and self.followed(surface) is None:
+            assert isinstance(found, SampledFaces)
+            return Lattice(flat, flat, flat, 0.5 * np.trace(found.bends, axis1=1, axis2=2))
+        body = self._pieces[self.body[surface]].body
+        if isinstance(found, Faces):
+            return lattice_of(body, found.places.reshape(p, 3), flat, np.zeros((p, 3, 3)))
+        normal = body.surface.normal if found.through_cells else flat
+        return lattice_of(body, found.places(body.x_rest[found.nodes]), normal, found.bends)
+
+    def light(self, surface: int) -> float:
+        """LIGHT of tools/kernels/patch.py over what a surface is pressed with [1]."""
+        found = self.all[surface]
+        return LIGHT / (PENALTY if isinstance(found, SampledFaces) and found.through_cells else DENSE)
 
     def n_forces(self, surface: int) -> int:
         """How many patches there may be around its nodes, or points that press."""

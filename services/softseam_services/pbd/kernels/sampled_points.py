@@ -7,9 +7,10 @@ from softseam_services.jit import njit
 
 from .touch import AREA, CORNER, FADE, GAP, N_INTS, NORMAL, POINT, SHARE, SIDE
 
-_NEAR, _LEAST = 0.1, 1e-9
-"""of how far is looked: where surfaces are curved, so far a point is outside that counts little for where a patch
-presses; and how much it counts at least: where all are farther, as each other [1]"""
+_NEAR = 0.1
+"""of how far is looked: where surfaces are curved, so far a point is outside that counts little [1]"""
+LEAST = 1e-9
+"""how much a point counts for where a patch presses at least: where all are farther, as each other [1]"""
 
 
 @njit(cache=True, error_model="numpy")
@@ -55,7 +56,7 @@ def add_for_patches(touch, meeting, side, points, them, faces, far, reach, n):
         if touch.curved[other]:
             _go_over(share, corners[face], rounded[face], out, row[NORMAL : NORMAL + 3])
         row[AREA], row[GAP] = covered * touch.area[begin + point], gap
-        row[FADE] = max(_LEAST, 1.0 - max(0.0, goes) / near)
+        row[FADE] = max(LEAST, 1.0 - max(0.0, goes) / near)
         found[POINT], found[CORNER], found[CORNER + 1], found[CORNER + 2] = point, a, b, c
         for k in range(N_INTS):
             others = others or ints[k] != found[k]

@@ -74,6 +74,16 @@ class Touch(NamedTuple):
     """of each that is a node (p,) [1/kg]"""
     yields: Floats
     """how far each surface sinks in under a pressure (s,) [m/Pa]"""
+    octant: Floats
+    """see `bulges.Lattice` (p, 3)"""
+    rise: Floats
+    """(p, 3) [m]"""
+    spread: Floats
+    """(p, 3) [m^2]"""
+    mean: Floats
+    """(p,) [1/m]"""
+    light: Floats
+    """q of eq. (1) of `flattening` (s,) [1]"""
     spacing: Floats
     """of its nodes (s,) [m]"""
     pair: Ints
