@@ -39,8 +39,8 @@ FIRST = 10.0
 """longest wait for a service before its first request [s]"""
 _RETRY = 0.25
 
-_AGAIN, _PACE = 0.1, 0.005
-"""for how long, and how often, a peer looks who lives while zenoh says nobody [s], as it may while others come or go"""
+_AGAIN = LEASE / 10
+"""for how long a peer looks who lives while zenoh says nobody [s], as it may while others come or go"""
 
 _PROTOBUF = zenoh.Encoding.APPLICATION_PROTOBUF
 
@@ -256,7 +256,7 @@ class Bus(BusSession):
         """Keys of the tokens that exist now."""
         found, end = self._live(key, timeout), time.monotonic() + _AGAIN
         while self._peer and not found and time.monotonic() < end:
-            time.sleep(_PACE)
+            time.sleep(_AGAIN / 20)
             found = self._live(key, timeout)
         return found
 

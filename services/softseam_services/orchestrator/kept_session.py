@@ -126,17 +126,21 @@ class KeptSession:
             raise
 
     def read(self) -> tuple[Base, list[Entry]]:
-        """What was kept. Raises Damaged."""
+        """What was kept. Raises Damaged, and then has discarded it."""
         assert self._path is not None
         try:
             records = list(_records(self._path.read_bytes()))
             if not records:
                 raise ValueError("it has no base")
-            (opened, numbers, state), *rest = records
-            base = Base(decode(opened, Open), *numbers, state)
-            entries = [Entry(decode(request, Asked), *numbers, answer) for request, numbers, answer in rest]
+            (opened, (seed, steps, number, taken), state), *rest = records
+            base = Base(decode(opened, Open), seed, steps, number, taken, state)
+            entries = [Entry(decode(asked, Asked), n, bool(failed), answer) for asked, (n, failed), answer in rest]
         except (OSError, ValueError, TypeError, ProtocolError) as error:
-            raise Damaged(f"what was kept of it is damaged ({error})") from error
+            self.discard()
+            raise Damaged(
+                f"the session was lost with its orchestrator, and what was kept of it is damaged ({error}): "
+                "open it again"
+            ) from error
         return base, entries
 
     def discard(self) -> None:

@@ -26,9 +26,8 @@ MOST_MESSAGES = 2048
 MOST_BYTES = 48 * 2**20
 """on their way to the recorder; it holds 64 MiB for its disk"""
 PATIENCE = 2.0
-RETURN = 4.0
-"""in which a recorder that is lost at the end of a run is back, where somebody restarts it [s]"""
 _ANSWER = 5.0
+"""longest wait for a recorder to begin, and for another one where it is lost at the end of a run [s]"""
 _PACE = 1 / 20
 """of asking a recorder that has not been introduced yet [s]"""
 
@@ -118,7 +117,7 @@ class RecorderFeed:
         if self._begun is None:
             return None
         if self._missing and self._known:
-            self._watch(time.monotonic() + RETURN)
+            self._watch(time.monotonic() + _ANSWER)
         end, recorded = End(self._begun.header, reason), None
         self._publish(end)
         while self._following and recorded is None:
@@ -126,7 +125,7 @@ class RecorderFeed:
                 recorded = answer_of_recorder(self._bus, self._keys, end, FINISH)
             except NoReply:
                 self._lose()
-                self._watch(time.monotonic() + RETURN)
+                self._watch(time.monotonic() + _ANSWER)
                 self._publish(end)  # comes after what was held
             except ProtocolError as error:
                 self._warn("recording", f"the recorder did not confirm the end of the recording: {error}")
