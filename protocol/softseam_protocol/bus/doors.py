@@ -55,6 +55,10 @@ def settings_of(key: Key, connect: Iterable[str], listen: Iterable[str], router:
     tls = key.path.with_name(CERTIFICATES)
     if listen:
         settings[f"{_USER}dictionary_file"] = str(key.path.with_name(ROUTER_ADMITS if router else SERVICES_ADMIT))
+    if not any(map(_encrypted, (*connect, *listen))):
+        # all are on this machine and reach each other: of two that are introduced one connects; where both do, the link
+        # may break and not come back
+        settings["scouting/gossip/autoconnect_strategy"] = {"peer": {"to_peer": "greater-zid"}}
     if router:
         settings["access_control"] = _ACCESS
     if key.authority:

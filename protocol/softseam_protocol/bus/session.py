@@ -30,8 +30,6 @@ def _config(mode: str, listen: Sequence[str], connect: Sequence[str], extra: Map
     settings = {
         "mode": mode,
         "scouting/multicast/enabled": False,
-        # of two peers that are introduced one connects: where both do, the link may break and not come back
-        "scouting/gossip/autoconnect_strategy": {"peer": {"to_peer": "greater-zid"}},
         # always explicit: the router's default is not loopback
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),

@@ -152,6 +152,8 @@ class ClientSession:
         commands, number = self._commands(request), request.header.exchange
         before = self._begun[1] if self._begun[0] == number else 0
         for remaining in range(request.count - before if again is None else again, 0, -1):
+            if again is None:
+                self._heed()
             fields = request.fields and (request.each or remaining == 1)
             try:
                 if not self._step(commands, fields, more=remaining > 1):
@@ -170,6 +172,7 @@ class ClientSession:
         commands = self._commands(request)
         more = True
         while more:
+            self._heed()
             more = len(taken) + 1 < request.count and time.monotonic() - began < _TURN
             try:
                 if not self._step(commands, request.fields, more):
@@ -182,6 +185,10 @@ class ClientSession:
             taken.append(self._observe(request.fields, taken=True))
             more = more and not self._due
         return Observations(request.header, taken or [self._observe(request.fields, taken=True)])
+
+    def _heed(self) -> None:
+        if self.cancelled or self._stopping():
+            raise Stopped("the session is being closed: the steps left were not taken")
 
     def _commands(self, request: Step) -> Command | None:
         """Velocities of tools; None for the scene's motion. Raises BadCommand."""
@@ -207,8 +214,6 @@ class ClientSession:
         """
         if not self._feed.begun:
             self._feed.begin(self._begin())
-        if self.cancelled or self._stopping():
-            raise Stopped("the session is being closed: the steps left were not taken")
         if commands is None and self.simulation.done:
             return False
         due = self._record and (self.steps + 1) % max(1, round(FRAME_PERIOD / self.simulation.scene.step)) == 0

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.inbox import Inbox, LiveChange, Received
 from softseam_protocol.errors import NoReply, ProtocolError, Refused
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.outcomes import RecordingState
@@ -94,9 +95,10 @@ class RecorderFeed:
         self._begun = begin
         self._held.clear()
         self._bytes = 0
-        self._missing = self._known = False
+        self._missing, self._known = False, begin.header.step > 0  # what goes on had one
         self._publish(begin)
         if self._record:
+            _empty(self._recorders)
             self._invite(begin)
 
     def publish(self, message: StepReport | Frame | Event) -> None:
@@ -165,9 +167,7 @@ class RecorderFeed:
     def _invite(self, begin: Begin) -> None:
         """Ask the recorder to open a file; the answer comes once it listens."""
         self._asked = begin.header
-        for inbox in (self._acks, self._recorders):  # what was said about files before
-            while inbox is not None and inbox.get(0.0) is not None:
-                continue
+        _empty(self._acks)
         try:
             answer_of_recorder(self._bus, self._keys, begin, _ANSWER)
         except Refused as error:
@@ -253,3 +253,9 @@ class RecorderFeed:
             self._warn(
                 "recording", f"the recorder lags behind after {PATIENCE:g} s: the run goes on, messages may be lost"
             )
+
+
+def _empty(inbox: Inbox[Received] | Inbox[LiveChange] | None) -> None:
+    """Forget what was said about files before."""
+    while inbox is not None and inbox.get(0.0) is not None:
+        continue
