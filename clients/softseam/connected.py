@@ -23,7 +23,7 @@ from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Bundle, Failure
-from softseam_protocol.messages.recording import End, Recorded, SurfaceMesh
+from softseam_protocol.messages.recording import FINISH, End, Recorded, SurfaceMesh
 from softseam_protocol.messages.session import (
     Close,
     Closed,
@@ -126,7 +126,7 @@ class ConnectedBackend:
 
     def close(self) -> None:
         """Close the session there; one that is away for seconds, or at work, closes it itself once it is idle."""
-        self._timeout = min(self._timeout, _CLOSE_TIMEOUT)
+        self._timeout = min(self._timeout, FINISH if self._record else _CLOSE_TIMEOUT)
         try:
             why = self._hang_up()
             if self._record:

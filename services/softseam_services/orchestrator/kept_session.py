@@ -151,6 +151,7 @@ class KeptSession:
                 self._path.unlink(missing_ok=True)
 
     def _append(self, *kept: Base | Entry) -> None:
+        """Write a record of each: its first field is a message, its last one bytes, and between are numbers."""
         for each in kept:
             message, *numbers, data = vars(each).values()
             about = encode(message)
