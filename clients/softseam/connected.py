@@ -129,8 +129,10 @@ class ConnectedBackend:
         self._timeout = min(self._timeout, FINISH if self._record else _CLOSE_TIMEOUT)
         try:
             why = self._hang_up()
-            if self._record:
-                self._end_recording(why)
+            if self._record:  # what became of it: it ends with the session, if not before
+                self.recorded = self._ask(End(self._header(), "closed"), Recorded, SimulationFailed)
+        except SimulationFailed as error:
+            self.unrecorded = f"{error}{why}"
         except NoConnection as error:
             self.unrecorded = f"no recorder answered: {error}"
         finally:
@@ -143,13 +145,6 @@ class ConnectedBackend:
         except SimulationFailed as error:
             return f"; the session was not closed either: {error}"
         return ""
-
-    def _end_recording(self, why: str) -> None:
-        """Ask what became of the recording, which ends with the session, if not before. Raises NoConnection."""
-        try:
-            self.recorded = self._ask(End(self._header(), "closed"), Recorded, SimulationFailed)
-        except SimulationFailed as error:
-            self.unrecorded = f"{error}{why}"
 
     def _header(self) -> Header:
         """Each request has a number of its own; its repetition has the same."""
