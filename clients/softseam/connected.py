@@ -179,7 +179,7 @@ class ConnectedBackend:
                 raise SchemaMismatch(str(error)) from None
             except errors.NoReply as error:
                 # an orchestrator that is being restarted by its supervisor is back within seconds
-                if (last or isinstance(request, Open)) and not repeated:
+                if isinstance(request, Open) and not repeated:
                     hoping = min(end, time.monotonic() + RESTART)
                 if time.monotonic() + 0.2 > hoping:
                     raise lost(

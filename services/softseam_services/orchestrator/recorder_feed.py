@@ -33,16 +33,20 @@ _PACE = 1 / 20
 """of asking a recorder that has not been introduced yet [s]"""
 
 
-def answer_of_recorder(bus: Bus, keys: Keys, request: Begin | End, timeout: float) -> Recorded:
-    """The recorder's answer, within `timeout` [s]. One that lives, but that a process which has just joined the bus has
-    not been introduced to, is asked for `PATIENCE`. Raises Refused and ProtocolError."""
-    end = time.monotonic() + PATIENCE
+def answer_of_recorder(bus: Bus, keys: Keys, request: Begin | End, timeout: float, introduced: float = 0.0) -> Recorded:
+    """The recorder's answer, within `timeout` [s]. Raises Refused and ProtocolError.
+
+    One that lives, but that a process which has just joined the bus has not been introduced to, is asked for
+    `PATIENCE`; until `introduced`, on time.monotonic(), it is not known who lives.
+    """
+    end = max(time.monotonic() + PATIENCE, introduced)
     while True:
         try:
             answer: Recorded = bus.call(keys.recorder, request, Recorded, timeout)
             return answer
         except NoReply:
-            if time.monotonic() > end or not bus.live(keys.every_live("recorder")):
+            now = time.monotonic()
+            if now > end or (now > introduced and not bus.live(keys.every_live("recorder"))):
                 raise
             time.sleep(_PACE)
 

@@ -129,6 +129,8 @@ class ClientHandler:
         self._lock = threading.Lock()
         self._liveness = ClientLiveness(bus, keys)
         self._kept = kept_sessions(keys)
+        self._introduced = time.monotonic() + PATIENCE
+        """by when this process knows who else is there"""
 
     def __call__(self, payload: bytes) -> bytes:
         """The reply. Raises Refused, and what `decode` raises, which the bus answers with a Failure."""
@@ -282,7 +284,7 @@ class ClientHandler:
     def _recorded(self, request: End) -> bytes:
         """What became of the session's recording, which the recorder ends if that was not done before."""
         try:
-            return encode(answer_of_recorder(self._bus, self._keys, request, FINISH))
+            return encode(answer_of_recorder(self._bus, self._keys, request, FINISH, self._introduced))
         except Refused as error:
             raise Refused(replace(error.failure, message=f"the recorder refused: {error.failure.message}")) from None
         except ProtocolError as error:
