@@ -23,7 +23,7 @@ from softseam_protocol.messages.arrays import Vector3
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import FailureKind
 from softseam_protocol.messages.participant import Bundle, Failure
-from softseam_protocol.messages.recording import End, Recorded, SurfaceMesh
+from softseam_protocol.messages.recording import FINISH, End, Recorded, SurfaceMesh
 from softseam_protocol.messages.session import (
     Close,
     Closed,
@@ -41,7 +41,7 @@ from softseam_protocol.messages.session import (
 )
 from softseam_protocol.scene.scene import Scene
 
-Reply = TypeVar("Reply", Observation, Observations, Saved, Estimated, Closed)
+Reply = TypeVar("Reply", Observation, Observations, Saved, Estimated, Closed, Recorded)
 _MOST = 1000
 """steps asked for at once; the orchestrator answers after a tenth of a second"""
 CONNECT_TIMEOUT = 5.0
@@ -126,31 +126,25 @@ class ConnectedBackend:
 
     def close(self) -> None:
         """Close the session there; one that is away for seconds, or at work, closes it itself once it is idle."""
-        self._timeout = min(self._timeout, _CLOSE_TIMEOUT)
+        self._timeout = min(self._timeout, FINISH if self._record else _CLOSE_TIMEOUT)
         try:
             why = self._hang_up()
-            if self._record:
-                self._end_recording(why)
+            if self._record:  # what became of it: it ends with the session, if not before
+                self.recorded = self._ask(End(self._header(), "closed"), Recorded, SimulationFailed)
+        except SimulationFailed as error:
+            self.unrecorded = f"{error}{why}"
+        except NoConnection as error:
+            self.unrecorded = f"no recorder answered: {error}"
         finally:
             self._bus.close()
 
     def _hang_up(self) -> str:
-        """Ask the orchestrator to close the session; why it did not, '' where it did."""
+        """Ask the orchestrator to close the session; why it did not, '' where it did. Raises NoConnection."""
         try:
             self._ask(Close(self._header()), Closed, SimulationFailed)
-        except (NoConnection, SimulationFailed) as error:
+        except SimulationFailed as error:
             return f"; the session was not closed either: {error}"
         return ""
-
-    def _end_recording(self, why: str) -> None:
-        """Ask what became of the recording, which ends with the session, if not before."""
-        try:
-            end = End(self._header(), "closed")
-            self.recorded = self._bus.call(self._key, end, Recorded, self._timeout)
-        except errors.Refused as error:
-            self.unrecorded = f"{error.failure.message}{why}"
-        except errors.ProtocolError as error:
-            self.unrecorded = f"no recorder answered: {error}{why}"
 
     def _header(self) -> Header:
         """Each request has a number of its own; its repetition has the same."""
@@ -159,7 +153,7 @@ class ConnectedBackend:
 
     def _ask(
         self,
-        request: Open | Reset | Step | Save | Load | Estimate | Close,
+        request: Open | Reset | Step | Save | Load | Estimate | Close | End,
         kind: type[Reply],
         invalid: type[SoftseamError],
     ) -> Reply:
@@ -168,11 +162,14 @@ class ConnectedBackend:
         hoping = end
         repeated = False
         lost = NoConnection if isinstance(request, Open) else ServicesFailed
+        last = isinstance(request, Close | End)
         while True:
             try:
                 reply: Reply
-                if repeated or isinstance(request, Close):
-                    reply = self._bus.call(self._key, request, kind, max(0.1, end - time.monotonic()))
+                if repeated or last:
+                    left = end - time.monotonic()
+                    # a router that hangs takes a request along, and is back before a session's last ones are given up
+                    reply = self._bus.call(self._key, request, kind, max(0.1, left / 2.0 if last else left))
                 else:
                     reply = self._asker.call(request, kind)
                 return reply
@@ -182,7 +179,7 @@ class ConnectedBackend:
                 raise SchemaMismatch(str(error)) from None
             except errors.NoReply as error:
                 # an orchestrator that is being restarted by its supervisor is back within seconds
-                if isinstance(request, Open | Close) and not repeated:
+                if isinstance(request, Open) and not repeated:
                     hoping = min(end, time.monotonic() + RESTART)
                 if time.monotonic() + 0.2 > hoping:
                     raise lost(
@@ -191,6 +188,8 @@ class ConnectedBackend:
                 self._wait_for_orchestrator(hoping)
                 repeated = True
             except (errors.BusTimeout, errors.BusError) as error:
+                if last and isinstance(error, errors.BusTimeout) and time.monotonic() + 0.2 < end:
+                    continue
                 raise lost(f"{self._endpoint}: {error}") from None
             except errors.EncodeError as error:
                 raise BadInput(str(error)) from None

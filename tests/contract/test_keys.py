@@ -61,17 +61,17 @@ def test_by_default_keys_are_among_a_user_s_states(tmp_path: Path, monkeypatch: 
 
 
 def test_a_folder_that_comes_while_it_is_looked_for_is_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen, look = [], Path.is_dir
+    seen, look = [], Path.is_file
 
     def late(path: Path) -> bool:
         seen.append(path)
         if len(seen) > 1:
             return look(path)
-        monkeypatch.setattr(Path, "is_dir", look)
+        monkeypatch.setattr(Path, "is_file", look)
         make_keys()
         return False
 
-    monkeypatch.setattr(Path, "is_dir", late)
+    monkeypatch.setattr(Path, "is_file", late)
     assert read_key(CLIENT).role == CLIENT
     assert seen == [folder]
 

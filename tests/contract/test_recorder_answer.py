@@ -8,7 +8,7 @@ import time
 import pytest
 from asked import free_endpoint
 
-from softseam_protocol.bus.client import Router
+from softseam_protocol.bus.client import Bus, Router
 from softseam_protocol.errors import NoReply
 from softseam_protocol.messages.header import SCHEMA_VERSION, Header
 from softseam_protocol.messages.outcomes import RecordingState
@@ -36,6 +36,22 @@ def test_a_recorder_that_lives_is_asked_until_it_is_reached() -> None:
         late.start()
         assert answer_of_recorder(bus, KEYS, END, 5.0) == DONE
         late.join()
+
+
+def test_who_has_just_joined_asks_a_recorder_that_it_has_not_heard_of() -> None:
+    endpoint = free_endpoint()
+    opened: list[Bus] = []
+
+    def join() -> None:
+        opened.append(BusOptions(connect=endpoint).open())
+        opened[0].serve({KEYS.recorder: lambda payload: encode(DONE)}, "late").start()
+
+    with Router(endpoint), BusOptions(connect=endpoint).open() as bus:
+        late = threading.Timer(0.5, join)
+        late.start()
+        assert answer_of_recorder(bus, KEYS, END, 5.0, time.monotonic() + 20.0) == DONE
+        late.join()
+        opened[0].close()
 
 
 def test_where_none_lives_nothing_is_waited_for() -> None:

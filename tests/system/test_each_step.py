@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from real_services import free_port, squeezed_bar
+from trajectory import first_difference
 
 from softseam.errors import FieldsNotObserved
 from softseam.observation import observation_from
@@ -17,6 +19,7 @@ from softseam_protocol.messages.participant import Advance, Correct, Observe, Re
 from softseam_protocol.messages.session import Observation, Observations, Open, Step
 from softseam_protocol.scene.file import bundle_scene
 from softseam_protocol.topics import Keys
+from softseam_protocol.wire.codec import decode, encode
 from softseam_services.orchestrator import client_session
 from softseam_services.orchestrator.bus_transport import BusTimes
 from softseam_services.orchestrator.embedded import EmbeddedTransport
@@ -145,3 +148,29 @@ def test_a_session_that_cannot_be_seen_is_not_open(bus: Bus, monkeypatch: pytest
     monkeypatch.setattr(LosingFields, "kinds", ())
     again = one.open(asked())
     assert again.frames and not again.events
+
+
+def test_a_session_that_is_closed_while_it_is_taken_up_is_taken_up_whole(
+    bus: Bus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else its recording would end before what was recorded of it when its orchestrator was lost."""
+    monkeypatch.setattr(client_session, "BusTransport", LosingFields)
+    monkeypatch.setattr(LosingFields, "kinds", ())
+    steps = request(LAST + 2)
+    first, second = (
+        client_session.ClientSession(bus, Keys("each"), "s", lambda: False, KeptSession(tmp_path, "s"))
+        for _ in range(2)
+    )
+    first.open(asked())
+    first.note(asked(), b"")
+    answer = encode(first.step(steps))
+    first.note(steps, answer)
+    second.cancelled = True
+    second.take_up()
+    assert second.answer is not None and second.steps == LAST + 2
+    assert (
+        first_difference([decode(answer, Observation).report], [decode(second.answer.payload, Observation).report])
+        == ""
+    )
+    with pytest.raises(client_session.Stopped):
+        second.step(request(1))

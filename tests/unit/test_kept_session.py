@@ -21,7 +21,7 @@ def header(number: int) -> Header:
     return Header(SCHEMA_VERSION, "abc", "", 0, 0, number, 0.0)
 
 
-BASE = Base(Open(header(1), Bundle("scene", {"mesh": b"x" * 100})), 7, 120, 9, 20, 2, b"state\n{}")
+BASE = Base(Open(header(1), Bundle("scene", {"mesh": b"x" * 100})), 7, 120, 9, 20, b"state\n{}")
 ENTRIES = [
     Entry(Reset(header(2), 3)),
     Entry(Step(header(3), 5, True, {}), 5, answer=b"said\n"),
@@ -39,9 +39,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def filled(folder: Path) -> KeptSession:
     kept = KeptSession(folder, "abc")
-    kept.begin(BASE, ENTRIES[0])
+    kept.keep(BASE, ENTRIES[0])
     for entry in ENTRIES[1:]:
-        kept.add(entry)
+        kept.keep(None, entry)
     return kept
 
 
@@ -49,8 +49,8 @@ def test_what_is_kept_is_read_again(folder: Path) -> None:
     kept = filled(folder)
     assert kept.there and KeptSession(folder, "abc").read() == (BASE, ENTRIES)
     later = Base(BASE.opened, 7)
-    kept.begin(later)
-    kept.add(ENTRIES[0])
+    kept.keep(later)
+    kept.keep(None, ENTRIES[0])
     assert KeptSession(folder, "abc").read() == (later, ENTRIES[:1]), "in the place of all before"
     kept.discard()
     kept.discard()
@@ -96,18 +96,18 @@ def test_on_a_full_disk_nothing_old_is_left(folder: Path, monkeypatch: pytest.Mo
     """An older state is none of the session: its client knows of a later one. Once there is room it is kept again."""
     kept = filled(folder)
     with files_up_to((folder / "abc").stat().st_size + 20), pytest.raises(OSError, match=r"disk is full|too large"):
-        kept.add(ENTRIES[1])
+        kept.keep(None, ENTRIES[1])
     assert list(folder.iterdir()) == []
-    kept.add(ENTRIES[1])  # without a base
+    kept.keep(None, ENTRIES[1])  # without a base
     assert list(folder.iterdir()) == []
     with files_up_to(100), pytest.raises(OSError, match=r"disk is full|too large"):
-        kept.begin(BASE)
+        kept.keep(BASE)
     assert list(folder.iterdir()) == []
     monkeypatch.setattr(room, "FLOOR", 1 << 60)
     with pytest.raises(OSError, match="of its disk are free"):
-        kept.begin(BASE)
+        kept.keep(BASE)
     monkeypatch.undo()
-    kept.begin(BASE)
+    kept.keep(BASE)
     assert KeptSession(folder, "abc").read() == (BASE, [])
 
 
@@ -115,7 +115,7 @@ def test_it_is_no_larger_than_it_may(folder: Path, monkeypatch: pytest.MonkeyPat
     kept = filled(folder)
     monkeypatch.setattr(kept_session, "MOST", (folder / "abc").stat().st_size + 10)
     with pytest.raises(OSError, match="it takes more than"):
-        kept.add(ENTRIES[1])
+        kept.keep(None, ENTRIES[1])
     assert not kept.there
 
 
@@ -135,7 +135,7 @@ def test_where_there_is_no_folder_nothing_is_kept(
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     assert kept_sessions(Keys("mine")) is None and "sessions end with this orchestrator" in caplog.text
     kept = KeptSession(None, "abc")
-    kept.begin(BASE)
-    kept.add(ENTRIES[0])
+    kept.keep(BASE)
+    kept.keep(None, ENTRIES[0])
     kept.discard()
     assert not kept.there and kept.since > 1e300

@@ -315,7 +315,7 @@ def test_a_folder_stands_for_its_newest_recording(tmp_path: Path) -> None:
     assert Recording(tmp_path).path.name == "a.mcap"
 
 
-def continued(folder: Path, cut: int = 45, link: str = "run.mcap") -> tuple[list[bytes], Recording]:
+def continued(folder: Path, cut: int = 45) -> tuple[list[bytes], Recording]:
     """Two files: the first has `cut` messages, the second all from step 10 on; what is read of the second."""
     run = Squeeze(25, cell=0.025)
     messages = list(run.messages())
@@ -326,7 +326,8 @@ def continued(folder: Path, cut: int = 45, link: str = "run.mcap") -> tuple[list
     first.add(Event, 0.0, codec.encode(late), cut)
     first.close("was cut off: it goes on in another file")
     begin = replace(run.begin, header=replace(run.begin.header, step=10, time=10 * run.scene.step))
-    second = LogFile(folder / "run-2.mcap", begin, continues=link)
+    second = LogFile(folder / "run.mcap", begin, existing="number")
+    assert second.path == folder / "run-2.mcap"
     for i, message in enumerate(messages):
         if message.header.step >= 10:
             second.add(type(message), message.header.time, codec.encode(message), i)
@@ -347,10 +348,10 @@ def test_a_run_in_several_files_is_read_as_one(tmp_path: Path) -> None:
 @pytest.mark.kernels
 def test_a_file_may_begin_before_the_one_that_it_goes_on_from(tmp_path: Path) -> None:
     """As where the recorder was lost, and the orchestrator after it: what a later file has counts."""
-    wanted, recording = continued(tmp_path)
+    wanted, _ = continued(tmp_path)
     run = Squeeze(25, cell=0.025)
-    third = LogFile(tmp_path / "run-3.mcap", replace(run.begin, header=replace(run.begin.header, step=7)),
-                    continues=recording.path.name)  # fmt: skip
+    begin = replace(run.begin, header=replace(run.begin.header, step=7))
+    third = LogFile(tmp_path / "run.mcap", begin, existing="number")
     for i, message in enumerate(run.messages()):
         if message.header.step >= 7:
             third.add(type(message), message.header.time, codec.encode(message), i)
@@ -373,9 +374,15 @@ def test_what_lies_between_two_files_of_a_run_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.kernels
 @pytest.mark.parametrize("link", ["../run.mcap", "/etc/passwd", "run-2.mcap", ""])
-def test_a_recording_names_no_file_elsewhere(tmp_path: Path, link: str) -> None:
+def test_a_recording_names_no_file_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, link: str) -> None:
     """Nor itself: it may come from a stranger."""
+    add = Writer.add_metadata
+
+    def spoilt(writer: Writer, name: str, data: dict[str, str]) -> None:
+        add(writer, name, {**data, "file": link} if name == "continues" else data)
+
+    monkeypatch.setattr(Writer, "add_metadata", spoilt)
     (tmp_path / "a").mkdir()
-    _, recording = continued(tmp_path / "a", link=link)
+    _, recording = continued(tmp_path / "a")
     assert recording.counts["StepReport"] == 15 and [hole.steps for hole in recording.holes] == [10]
     assert "no file beside it is named" in str(recording.note)

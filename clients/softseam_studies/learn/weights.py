@@ -4,6 +4,8 @@ Networks are those that `train` makes (docs/decisions/40, 59), so nothing but te
 """
 
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -36,7 +38,7 @@ def read_weights(saved: Path | BytesIO) -> dict[str, Any]:
 
 def go_on(learner: Any, algorithm: Algorithm, saved: Path, done: int) -> None:
     """Give a new learner the weights and the optimisers' memory of one that took `done` steps. Raises BadInput."""
-    try:
+    with _of_no_policy(algorithm):
         weights = read_weights(saved)
         variables = weights.pop(VARIABLES, {})
         if weights.keys() != learner.get_parameters().keys():
@@ -44,8 +46,6 @@ def go_on(learner: Any, algorithm: Algorithm, saved: Path, done: int) -> None:
         learner.set_parameters(weights, exact_match=True, device="cpu")
         if algorithm == "sac":
             learner.log_ent_coef.data.copy_(variables["log_ent_coef"].data)
-    except Exception as error:  # PyTorch fails by whatever it meets
-        raise no_policy(algorithm, error) from error
     learner.num_timesteps = done
 
 
@@ -56,26 +56,27 @@ def load_policy(algorithm: Algorithm, saved: BytesIO, env: Any) -> Any:
     seen, done = env.observation_space, env.action_space
     kind = {"ppo": stable_baselines3.ppo.MlpPolicy, "sac": stable_baselines3.sac.MlpPolicy}[algorithm]
     policy = kind(seen, done, lambda part: 0.0, **NETWORK)
-    try:
+    with _of_no_policy(algorithm):
         weights = read_weights(saved)["policy"]
         first, last = (weights[name].shape for name in _ENDS[algorithm])
-    except Exception as error:
-        raise no_policy(algorithm, error) from error
-    if ((first[1],), (last[0],)) != (seen.shape, done.shape):
-        raise BadInput(
-            f"{POLICY} sees {(first[1],)} and gives {(last[0],)}, and {type(env).__name__} shows {seen.shape} "
-            f"and takes {done.shape}: it is a policy of another task or version, train anew"
-        )
-    try:
+        if ((first[1],), (last[0],)) != (seen.shape, done.shape):
+            raise BadInput(
+                f"{POLICY} sees {(first[1],)} and gives {(last[0],)}, and {type(env).__name__} shows {seen.shape} "
+                f"and takes {done.shape}: it is a policy of another task or version, train anew"
+            )
         policy.load_state_dict(weights)
-    except Exception as error:
-        raise no_policy(algorithm, error) from error
     return policy
 
 
-def no_policy(algorithm: Algorithm, error: Exception) -> BadInput:
-    """What is said of a file that does not hold what its training.json says."""
-    return BadInput(
-        f"{POLICY} is no policy that {algorithm} learned, or one of another task ({type(error).__name__}): was it or "
-        f"{TRAINING} copied from another folder? Train anew"
-    )
+@contextmanager
+def _of_no_policy(algorithm: Algorithm) -> Iterator[None]:
+    """What a file that does not hold what its training.json says ends in, whatever PyTorch meets in it."""
+    try:
+        yield
+    except BadInput:
+        raise
+    except Exception as error:
+        raise BadInput(
+            f"{POLICY} is no policy that {algorithm} learned, or one of another task ({type(error).__name__}): was it "
+            f"or {TRAINING} copied from another folder? Train anew"
+        ) from error

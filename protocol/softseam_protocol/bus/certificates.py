@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from softseam_protocol.bus.keys import CERTIFICATES, CLIENT, SERVICE, key_place, make_keys, write_keys
+from softseam_protocol.bus.keys import CERTIFICATES, CLIENT, make_keys, write_keys
 from softseam_protocol.errors import BadKey
 
 _NEW_KEY = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
@@ -32,14 +32,7 @@ def prepare(hosts: Sequence[str], renew: bool) -> Path:
             _certify(folder, hosts)
         write_keys(folder, keep=not renew and (folder / f"{CLIENT}.key").exists())
 
-    there = (key_place() / f"{SERVICE}.key").exists()
-    folder = make_keys(fill)  # whole, for services may be waiting for it
-    if there:
-        try:
-            fill(folder)
-        except OSError as error:
-            raise BadKey(f"keys cannot be written in {folder}: {error}") from None
-    return folder / f"{CLIENT}.key"
+    return make_keys(fill, anew=True) / f"{CLIENT}.key"  # whole, for services may be waiting for it
 
 
 def _certify(folder: Path, hosts: Sequence[str]) -> None:

@@ -39,8 +39,8 @@ FIRST = 10.0
 """longest wait for a service before its first request [s]"""
 _RETRY = 0.25
 
-_LOOKS = 2
-"""for a peer that lives; zenoh's answer may lack one"""
+_AGAIN = LEASE / 10
+"""for how long a peer looks who lives while zenoh says nobody [s], as it may while others come or go"""
 
 _PROTOBUF = zenoh.Encoding.APPLICATION_PROTOBUF
 
@@ -121,7 +121,8 @@ class Bus(BusSession):
         self._links = PeerLinks(self._mend, LEASE)
         self._doubted = False
         """whether the router did not know this session when it was last asked"""
-        if extra and extra.get("mode") == "peer":
+        self._peer = (extra or {}).get("mode") == "peer"
+        if self._peer:
             self._show_to_peers()
 
     # ---- requests ------------------------------------------------------------------------------------------
@@ -253,6 +254,13 @@ class Bus(BusSession):
 
     def live(self, key: str, timeout: float = 2.0) -> set[str]:
         """Keys of the tokens that exist now."""
+        found, end = self._live(key, timeout), time.monotonic() + _AGAIN
+        while self._peer and not found and time.monotonic() < end:
+            time.sleep(_AGAIN / 20)
+            found = self._live(key, timeout)
+        return found
+
+    def _live(self, key: str, timeout: float) -> set[str]:
         replies = self._on_session(lambda session: session.liveliness().get(key, timeout=timeout))
         found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
         # zenoh's answer may lack tokens that a watch of the same session is receiving at the time
@@ -317,12 +325,9 @@ class Bus(BusSession):
             with Bus(self.endpoints, LEASE, self._aside, self.role) as client:
                 everyone = client.live(EVERY_NODE)
                 silent &= everyone
-                for _ in range(_LOOKS):
-                    if silent and self._zenoh is not None:
-                        silent -= self.live(EVERY_NODE)
-                        silent &= client.live(EVERY_NODE)  # without who left meanwhile
-                    if not own <= everyone:
-                        everyone |= client.live(EVERY_NODE)
+                if silent and self._zenoh is not None:
+                    silent -= self.live(EVERY_NODE)
+                    silent &= client.live(EVERY_NODE)  # without who left meanwhile
         except (BusError, zenoh.ZError):
             return False  # the router is gone, or this bus is being closed
         unknown = not own <= everyone

@@ -6,7 +6,6 @@ import re
 import socket
 import time
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 
 from softseam_protocol.bus.keys import CERTIFICATES, CLIENT, ROLES, ROUTER_ADMITS, SERVICE, SERVICES_ADMIT, VIEWER, Key
 from softseam_protocol.errors import BusError, KeyRefused, NoRouter
@@ -14,9 +13,8 @@ from softseam_protocol.topics import DEFAULT_ENDPOINT, EVERY_NODE, ROOT
 
 _USER, _TLS = "transport/auth/usrpwd/", "transport/link/tls/"
 _ENCRYPTED = frozenset(("tls", "quic"))
-_OF_HOSTS = frozenset(("tcp", "udp", "ws")) | _ENCRYPTED
-_HOST_PORT = re.compile(r"[a-z]+/([^?#]+):(\d{1,5})([?#].*)?")
-_OTHER = re.compile(r"[^/?#]+/[^?#]+.*")
+_HOST_PORT = re.compile(r"(?:tcp|udp|ws|tls|quic)/([^?#]+):(\d{1,5})(?:[?#].*)?")
+_OTHER = re.compile(r"(?!(?:tcp|udp|ws|tls|quic)/)[^/?#]+/[^?#]+.*")
 _PROBE = 1
 """longest wait for a sign of what listens somewhere [s]"""
 _DAY = 24 * 60 * 60
@@ -57,6 +55,10 @@ def settings_of(key: Key, connect: Iterable[str], listen: Iterable[str], router:
     tls = key.path.with_name(CERTIFICATES)
     if listen:
         settings[f"{_USER}dictionary_file"] = str(key.path.with_name(ROUTER_ADMITS if router else SERVICES_ADMIT))
+    if not any(map(_encrypted, (*connect, *listen))):
+        # all are on this machine and reach each other: of two that are introduced one connects; where both do, the link
+        # may break and not come back
+        settings["scouting/gossip/autoconnect_strategy"] = {"peer": {"to_peer": "greater-zid"}}
     if router:
         settings["access_control"] = _ACCESS
     if key.authority:
@@ -71,25 +73,17 @@ def settings_of(key: Key, connect: Iterable[str], listen: Iterable[str], router:
     if encrypted := list(filter(_encrypted, listen)):
         if not (tls / "host.pem").exists():
             raise BusError(f"{encrypted[0]} needs a certificate in {tls}: run `softseam keys --host NAME`")
-        shown: dict[str, Path] = {"listen_private_key": tls / "host.key", "listen_certificate": tls / "host.pem"}
-        settings |= {f"{_TLS}{name}": str(path) for name, path in shown.items()}
+        settings[f"{_TLS}listen_private_key"] = str(tls / "host.key")
+        settings[f"{_TLS}listen_certificate"] = str(tls / "host.pem")
         settings[f"{_TLS}close_link_on_expiration"] = True
     return settings
-
-
-def _encrypted(endpoint: str) -> bool:
-    return endpoint.partition("/")[0] in _ENCRYPTED
 
 
 def check_endpoints(connect: Iterable[str], listen: Iterable[str]) -> None:
     """Raise BusError for what is no endpoint, or leaves this machine and is not encrypted."""
     for endpoint in (*connect, *listen):
-        if endpoint.partition("/")[0] in _OF_HOSTS:
-            found = _HOST_PORT.fullmatch(endpoint)
-            good = found is not None and int(found[2]) < 2**16
-        else:
-            good = _OTHER.fullmatch(endpoint) is not None
-        if not good:  # zenoh says so in terms of its own, or tries to reach it all the same
+        if _address(endpoint) is None and not _OTHER.fullmatch(endpoint):
+            # zenoh says so in terms of its own, or tries to reach it all the same
             raise BusError(f"{endpoint!r} is no endpoint: give tcp/HOST:PORT, such as {DEFAULT_ENDPOINT}")
     for endpoint in filter(_leaves, listen):
         raise BusError(
@@ -102,15 +96,25 @@ def check_endpoints(connect: Iterable[str], listen: Iterable[str]) -> None:
         )
 
 
+def _address(endpoint: str) -> tuple[str, int] | None:
+    """Host and port; None for an endpoint that has none."""
+    found = _HOST_PORT.fullmatch(endpoint)
+    return (found[1].strip("[]"), int(found[2])) if found and int(found[2]) < 2**16 else None
+
+
+def _encrypted(endpoint: str) -> bool:
+    return endpoint.partition("/")[0] in _ENCRYPTED
+
+
 def _leaves(endpoint: str) -> bool:
     """Whether what is sent there in the clear leaves this machine, or comes from elsewhere."""
-    found = _HOST_PORT.fullmatch(endpoint)
-    if found is None or endpoint.partition("/")[0] not in _OF_HOSTS - _ENCRYPTED:
+    address = _address(endpoint)
+    if address is None or _encrypted(endpoint):
         return False
     try:
-        return not ipaddress.ip_address(found[1].strip("[]")).is_loopback
+        return not ipaddress.ip_address(address[0]).is_loopback
     except ValueError:
-        return found[1] != "localhost"
+        return address[0] != "localhost"
 
 
 # ---- why nobody answers ------------------------------------------------------------------------------------
@@ -169,20 +173,15 @@ def _shown_until(endpoint: str, authority: str) -> float:
     context = ssl.create_default_context(cadata=authority or None)
     if not authority:
         context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
-    host, _ = _address(endpoint)
-    with _connected(endpoint) as plain, context.wrap_socket(plain, server_hostname=host) as link:
+    address = _address(endpoint)
+    with _connected(endpoint) as plain, context.wrap_socket(plain, server_hostname=address and address[0]) as link:
         ends = (link.getpeercert() or {}).get("notAfter")
     return ssl.cert_time_to_seconds(str(ends)) if ends else 0.0
 
 
 def _connected(endpoint: str) -> socket.socket:
-    """A connection by TCP. Raises OSError."""
-    return socket.create_connection(_address(endpoint), _PROBE)
-
-
-def _address(endpoint: str) -> tuple[str, int]:
-    """Host and port. Raises OSError for an endpoint that has none."""
-    found = _HOST_PORT.fullmatch(endpoint)
-    if found is None:
+    """A connection by TCP. Raises OSError, also for an endpoint that has none."""
+    address = _address(endpoint)
+    if address is None:
         raise OSError(f"{endpoint} is not reached by TCP")
-    return found[1].strip("[]"), int(found[2])
+    return socket.create_connection(address, _PROBE)

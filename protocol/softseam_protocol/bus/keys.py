@@ -36,15 +36,19 @@ class Key:
 
 def key_place() -> Path:
     """SOFTSEAM_KEYS, which may name one file, or this user's own folder."""
-    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-    return Path(os.environ.get("SOFTSEAM_KEYS") or Path(state) / "softseam" / "keys")
+    return Path(os.environ.get("SOFTSEAM_KEYS") or state_place() / "keys")
+
+
+def state_place() -> Path:
+    """Folder of what this user's processes keep: below $XDG_STATE_HOME, or ~/.local/state."""
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "softseam"
 
 
 def read_key(role: str) -> Key:
     """The key of a role. Raises NoKey where there is none, BadKey where it cannot be used."""
     place = path = key_place()
     try:
-        if place.is_dir():
+        if not place.is_file():
             check_private(place)
             path = place / f"{role}.key"
         check_private(path)
@@ -55,8 +59,6 @@ def read_key(role: str) -> Key:
             "SOFTSEAM_KEYS to the client.key that you were handed"
         ) from None
     except OSError as error:
-        if path == place and place.is_dir():
-            return read_key(role)  # the folder came since
         raise BadKey(f"the key {path} cannot be read: {error.strerror}") from None
     except ValueError:
         first = authority = ""
@@ -79,31 +81,6 @@ def check_private(path: Path) -> None:
         raise BadKey(f"others may read {path}: chmod go= {path}, and softseam keys --renew where they may have done so")
 
 
-def make_keys(fill: Callable[[Path], None] | None = None) -> Path:
-    """The folder of all keys; they are made, all or none, where there are none yet, by `fill`. Raises BadKey."""
-    folder = key_place()
-    whole = folder / f"{SERVICE}.key"
-    try:
-        if not whole.exists():
-            folder.parent.mkdir(parents=True, exist_ok=True)
-            made = Path(tempfile.mkdtemp(prefix=".keys-", dir=folder.parent))
-            try:
-                (fill or write_keys)(made)
-                made.rename(folder)
-            except OSError:
-                if not whole.exists():  # else another router was first
-                    raise
-            finally:
-                shutil.rmtree(made, ignore_errors=True)
-        check_private(folder)
-    except OSError as error:
-        raise BadKey(
-            f"a router needs all keys; {folder} lacks {whole.name}, which cannot be made ({error.strerror}): name "
-            "another folder by SOFTSEAM_KEYS"
-        ) from None
-    return folder
-
-
 def write_keys(folder: Path, keep: bool = False) -> None:
     """Write the files of all roles, with the authority's certificate and new passwords, or `keep` those that there are.
 
@@ -118,6 +95,36 @@ def write_keys(folder: Path, keep: bool = False) -> None:
         _write(path, f"{lines[role]}\n{authority}")
     _write(folder / SERVICES_ADMIT, f"{lines[SERVICE]}\n")
     _write(folder / ROUTER_ADMITS, "".join(f"{line}\n" for line in lines.values()))
+
+
+def make_keys(fill: Callable[[Path], None] = write_keys, anew: bool = False) -> Path:
+    """The folder of all keys; where there are none yet they are made, all or none, by `fill`. Raises BadKey.
+
+    anew  fill it also where there are keys
+    """
+    folder = key_place()
+    whole = folder / f"{SERVICE}.key"
+    try:
+        if not whole.exists():
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            made = Path(tempfile.mkdtemp(prefix=".keys-", dir=folder.parent))
+            try:
+                fill(made)
+                made.rename(folder)
+            except OSError:
+                if not whole.exists():  # else another router was first
+                    raise
+            finally:
+                shutil.rmtree(made, ignore_errors=True)
+        elif anew:
+            fill(folder)
+        check_private(folder)
+    except OSError as error:
+        raise BadKey(
+            f"a router needs all keys; {folder} lacks {whole.name} or cannot be written ({error.strerror}): name "
+            "another folder by SOFTSEAM_KEYS"
+        ) from None
+    return folder
 
 
 def _write(path: Path, text: str) -> None:

@@ -16,7 +16,6 @@ from softseam_protocol.messages.participant import Bundle
 from softseam_protocol.messages.recording import Begin
 from softseam_protocol.messages.session import (
     ErrorEstimate,
-    Estimated,
     Event,
     Frame,
     Load,
@@ -48,8 +47,6 @@ FRAME_PERIOD = 0.04
 _TURN = 0.1
 """wall time after which a request for each step's observation is answered [s]: its asker shows progress"""
 _MOST_EVENTS = 1000
-_EPOCHS = 1_000_000
-"""more cuts than any orchestrator makes of a session: participants refuse what one that is lost asked them"""
 
 
 class Stopped(RuntimeError):
@@ -92,8 +89,6 @@ class ClientSession:
         self._events: list[Event] = []
         self._trouble: StepFailed | ParticipantFailed | ParticipantLost | None = None
         """what ended the last request for each step's observation; the next one is told"""
-        self._restarts = 0
-        """of the orchestrators that it has outlived"""
         self._from = 0
         """steps before those that this orchestrator knows"""
         self._begun = (0, 0)
@@ -110,11 +105,11 @@ class ClientSession:
         assert self._simulation is not None
         return self._simulation
 
-    def open(self, request: Open) -> Observation:
-        """Build the simulation and configure its participants."""
+    def open(self, request: Open, epoch: int = -1) -> Observation:
+        """Build the simulation and configure its participants, who were asked nothing of later epochs."""
         self._opened, bundle, record = request, request.bundle, request.record
         self._bundle, self._record = bundle, record
-        clock = Clock(self._session, 1.0, self._restarts * _EPOCHS - 1)
+        clock = Clock(self._session, 1.0, epoch)
         self._transport = BusTransport(self._bus, self._keys, services=self._routes)
         self._feed = RecorderFeed(self._bus, self._keys, self._session, record=record, warn=self._warn)
         try:
@@ -157,6 +152,8 @@ class ClientSession:
         commands, number = self._commands(request), request.header.exchange
         before = self._begun[1] if self._begun[0] == number else 0
         for remaining in range(request.count - before if again is None else again, 0, -1):
+            if again is None:
+                self._heed()
             fields = request.fields and (request.each or remaining == 1)
             try:
                 if not self._step(commands, fields, more=remaining > 1):
@@ -175,6 +172,7 @@ class ClientSession:
         commands = self._commands(request)
         more = True
         while more:
+            self._heed()
             more = len(taken) + 1 < request.count and time.monotonic() - began < _TURN
             try:
                 if not self._step(commands, request.fields, more):
@@ -187,6 +185,10 @@ class ClientSession:
             taken.append(self._observe(request.fields, taken=True))
             more = more and not self._due
         return Observations(request.header, taken or [self._observe(request.fields, taken=True)])
+
+    def _heed(self) -> None:
+        if self.cancelled or self._stopping():
+            raise Stopped("the session is being closed: the steps left were not taken")
 
     def _commands(self, request: Step) -> Command | None:
         """Velocities of tools; None for the scene's motion. Raises BadCommand."""
@@ -212,8 +214,6 @@ class ClientSession:
         """
         if not self._feed.begun:
             self._feed.begin(self._begin())
-        if self.cancelled or self._stopping():
-            raise Stopped("the session is being closed: the steps left were not taken")
         if commands is None and self.simulation.done:
             return False
         due = self._record and (self.steps + 1) % max(1, round(FRAME_PERIOD / self.simulation.scene.step)) == 0
@@ -250,19 +250,24 @@ class ClientSession:
 
     def note(self, request: Asked, payload: bytes) -> None:
         """Keep what was asked, before it is answered by `payload`; without one, of a request that failed."""
+        base, entry = None, Entry(request, answer=payload)
         if isinstance(request, Open):
-            self._keep(Base(request, self._seed))
-        elif isinstance(request, Reset):
-            opened = replace(self._opened, bundle=self._bundle)
-            self._keep(Base(opened, self._seed, restarts=self._restarts), Entry(replace(request, bundle=None)))
-        elif isinstance(request, Load | Save):
-            state = request.state if isinstance(request, Load) else decode(payload, Saved).state
-            self._keep(self._based(state), Entry(replace(request, state=b"") if isinstance(request, Load) else request))
-        elif isinstance(request, Step) and request.each:  # how many steps it takes is a matter of time
-            base = self._base() if self._due else None
-            self._keep(base, Entry(request, self._unkept if base is None else 0, payload, failed=not payload))
-        elif payload or self._unkept:
-            self._keep(None, Entry(request, self._unkept, failed=not payload))
+            self._keep(self._based(b""))
+            return
+        if isinstance(request, Reset):
+            base, entry = self._based(b""), Entry(replace(request, bundle=None))
+        elif isinstance(request, Load):
+            base, entry = self._based(request.state), Entry(replace(request, state=b""), answer=payload)
+        elif isinstance(request, Save):
+            base = self._based(decode(payload, Saved).state)
+        elif isinstance(request, Step):
+            base = self._base() if request.each and self._due else None
+            taken = self._unkept if base is None else 0
+            # how many steps fit into an answer of each of them is a matter of time
+            entry = Entry(request, taken, not payload, payload if request.each else b"")
+            if not payload and not taken:
+                return
+        self._keep(base, entry)
 
     def take_up(self) -> None:
         """Be where the session was when its orchestrator was lost.
@@ -270,48 +275,33 @@ class ClientSession:
         Raises Damaged where that is not known any more, and what opening, loading and stepping do.
         """
         base, entries = self.kept.read()
-        self._restarts = base.restarts + 1
-        unkept: OSError | None = None
-        try:
-            self.kept.begin(replace(base, restarts=self._restarts), *entries)  # first: participants refuse used epochs
-        except OSError as error:
-            unkept = error
-        seen = self.open(base.opened)
+        epoch = time.time_ns()  # later than all of the orchestrator that is lost: what that one asked is refused
+        self._answered(base.opened, encode(self.open(base.opened, epoch)))
         try:
             self._seed = base.seed
-            self._answered(base.opened, encode(seen))
             if base.state:
                 self._last, self.steps = restore(self.simulation, base.state), base.steps
-                self._from, self._begun = (
-                    round(self.simulation.time / self.simulation.scene.step),
-                    (base.number, base.taken),
-                )
+                self._from = round(self.simulation.time / self.simulation.scene.step)
+                self._begun = base.number, base.taken
                 self._feed.begin(self._begin())
             for entry in entries:
                 self._again(entry)
         except BaseException:
             self.close("it could not be taken up")
             raise
-        if unkept is not None:
-            self._tell_unkept(unkept)
+        self._keep(base, *entries)
         self._warn("restored", f"the orchestrator was lost; another one goes on after step {self.steps}")
 
     def _again(self, entry: Entry) -> None:
         """Do once more what was asked of the orchestrator that is lost."""
-        request, header, self._begun = entry.request, entry.request.header, (0, 0)
-        reply: Observation | Saved | Estimated
+        request, answer, self._begun = entry.request, entry.answer, (0, 0)
         if isinstance(request, Step):
-            reply = self._steps(request, entry.taken)
+            seen = self._steps(request, entry.taken)
+            answer = answer or encode(seen)
         elif isinstance(request, Reset):
-            reply = self.reset(request.seed)
-        elif isinstance(request, Load):
-            reply = self._observe(fields=True)
-        elif isinstance(request, Save):
-            reply = Saved(header, self.save())
-        else:
-            reply = Estimated(header, self.estimate())
+            answer = encode(self.reset(request.seed))
         if not entry.failed:
-            self._answered(request, entry.answer or encode(reply))
+            self._answered(request, answer)
 
     def _answered(self, request: Asked, payload: bytes) -> None:
         self.answer = Answer(type(request), request.header.exchange, payload)
@@ -332,20 +322,14 @@ class ClientSession:
 
     def _based(self, state: bytes, number: int = 0, taken: int = 0) -> Base:
         opened = replace(self._opened, bundle=self._bundle)
-        return Base(opened, self._seed, self.steps, number, taken, self._restarts, state)
+        return Base(opened, self._seed, self.steps, number, taken, state)
 
     def _keep(self, base: Base | None, *entries: Entry) -> None:
-        """In the place of all before, where there is a base."""
         try:
-            if base is not None:
-                self.kept.begin(base, *entries)
-            else:
-                self.kept.add(*entries)
+            self.kept.keep(base, *entries)
         except OSError as error:
-            self._tell_unkept(error)
-
-    def _tell_unkept(self, error: OSError) -> None:
-        self._warn("kept", f"the session would end with its orchestrator: it is not kept ({error.strerror or error})")
+            why = error.strerror or error
+            self._warn("kept", f"the session would end with its orchestrator: it is not kept ({why})")
 
     # ---- small parts
 

@@ -11,11 +11,13 @@ import json
 import logging
 import os
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 
+from softseam_protocol.bus.keys import state_place
 from softseam_protocol.errors import ProtocolError
 from softseam_protocol.messages.session import Estimate, Load, Open, Reset, Save, Step
 from softseam_protocol.topics import Keys, checked
@@ -47,8 +49,6 @@ class Base:
     """of the request in the middle of which it was"""
     taken: int = 0
     """steps of that request before"""
-    restarts: int = 0
-    """of its orchestrator so far"""
     state: bytes = b""
     """as for Saved; empty at the start of the scene"""
 
@@ -60,9 +60,9 @@ class Entry:
     request: Asked
     taken: int = 0
     """steps that it took after the base"""
+    failed: bool = False
     answer: bytes = b""
     """where these steps do not yield it"""
-    failed: bool = False
 
 
 class Damaged(Exception):
@@ -72,9 +72,8 @@ class Damaged(Exception):
 def kept_sessions(keys: Keys) -> Path | None:
     """The folder of a deployment's sessions, closed to others, without those that are forgotten; None, and logged,
     where there can be none: sessions then end with their orchestrator."""
-    home = os.environ.get("XDG_STATE_HOME")
     try:
-        folder = (Path(home) if home else Path.home() / ".local/state") / "softseam" / "sessions" / keys.deployment
+        folder = state_place() / "sessions" / keys.deployment
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         folder.chmod(0o700)
         for path in folder.iterdir():
@@ -101,57 +100,47 @@ class KeptSession:
         """Whether a session can be taken up."""
         return self._path is not None and self._path.exists()
 
-    def begin(self, base: Base, *entries: Entry) -> None:
-        """Put a base, and what was asked since, in the place of all that was kept. Raises OSError where the disk does
-        not take it; then nothing is kept."""
-        if self._path is None:
+    def keep(self, base: Base | None, *entries: Entry) -> None:
+        """Put a base in the place of all that was kept, where there is one, and add what was asked.
+
+        Raises OSError where the disk does not take it; then nothing is kept, and nothing will be before the next base.
+        """
+        if self._path is None or (base is None and self._file < 0):
             return
-        self.since = time.monotonic()
-        head = {"seed": base.seed, "steps": base.steps, "number": base.number, "taken": base.taken}
-        opened = encode(base.opened)
-        head |= {"restarts": base.restarts, "opened": len(opened)}
         fresh = self._path.with_name(f".{self._path.name}")
         try:
-            check_room(fresh, 0)
-            self.close()
-            fresh.unlink(missing_ok=True)
-            self._file = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-            self._size = 0
-            self._append(head, opened + base.state)
-            for entry in entries:
-                self._add(entry)
-            fresh.replace(self._path)
+            if base is None:
+                self._append(*entries)
+            else:
+                self.since = time.monotonic()
+                self.close()
+                check_room(fresh, 0)
+                fresh.unlink(missing_ok=True)
+                self._file, self._size = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), 0
+                self._append(base, *entries)
+                fresh.replace(self._path)
         except OSError:
+            self.discard()
             with suppress(OSError):
                 fresh.unlink(missing_ok=True)
-            self.discard()
-            raise
-
-    def add(self, entry: Entry) -> None:
-        """Keep what was asked. Raises OSError as `begin` does; does nothing until the next one then."""
-        if self._file < 0:
-            return
-        try:
-            self._add(entry)
-        except OSError:
-            self.discard()
             raise
 
     def read(self) -> tuple[Base, list[Entry]]:
-        """What was kept. Raises Damaged."""
+        """What was kept. Raises Damaged, and then has discarded it."""
         assert self._path is not None
         try:
             records = list(_records(self._path.read_bytes()))
-            (head, data), *rest = records
-            cut = head.pop("opened")
-            base = Base(decode(data[:cut], Open), state=data[cut:], **head)
-            entries = []
-            for head, data in rest:
-                cut = head.pop("request")
-                failed = bool(head["failed"])
-                entries.append(Entry(decode(data[:cut], Asked), head["taken"], data[cut:], failed))
-        except (OSError, ValueError, TypeError, KeyError, ProtocolError) as error:
-            raise Damaged(f"what was kept of it is damaged ({error})") from error
+            if not records:
+                raise ValueError("it has no base")
+            (opened, (seed, steps, number, taken), state), *rest = records
+            base = Base(decode(opened, Open), seed, steps, number, taken, state)
+            entries = [Entry(decode(asked, Asked), n, bool(failed), answer) for asked, (n, failed), answer in rest]
+        except (OSError, ValueError, TypeError, ProtocolError) as error:
+            self.discard()
+            raise Damaged(
+                f"the session was lost with its orchestrator, and what was kept of it is damaged ({error}): "
+                "open it again"
+            ) from error
         return base, entries
 
     def discard(self) -> None:
@@ -161,19 +150,18 @@ class KeptSession:
             with suppress(OSError):
                 self._path.unlink(missing_ok=True)
 
-    def _add(self, entry: Entry) -> None:
-        request = encode(entry.request)
-        head = {"taken": entry.taken, "failed": entry.failed, "request": len(request)}
-        self._append(head, request + entry.answer)
-
-    def _append(self, head: dict[str, int], data: bytes) -> None:
-        content = json.dumps(head).encode() + b"\n" + data
-        record = len(content).to_bytes(_LENGTH, "little") + hashlib.sha256(content).digest() + content
-        if self._size + len(record) > MOST:
-            raise OSError(f"it takes more than {MOST:,} B")
-        self._size += len(record)
-        if os.write(self._file, record) < len(record):
-            raise OSError("the disk is full")
+    def _append(self, *kept: Base | Entry) -> None:
+        """Write a record of each: its first field is a message, its last one bytes, and between are numbers."""
+        for each in kept:
+            message, *numbers, data = vars(each).values()
+            about = encode(message)
+            content = json.dumps([len(about), *numbers]).encode() + b"\n" + about + data
+            record = len(content).to_bytes(_LENGTH, "little") + hashlib.sha256(content).digest() + content
+            self._size += len(record)
+            if self._size > MOST:
+                raise OSError(f"it takes more than {MOST:,} B")
+            if os.write(self._file, record) < len(record):
+                raise OSError("the disk is full")
 
     def close(self) -> None:
         """The orchestrator ends, and the session does not."""
@@ -182,17 +170,14 @@ class KeptSession:
             self._file = -1
 
 
-def _records(content: bytes) -> list[tuple[dict[str, int], bytes]]:
-    """Heads and data of those that are whole. Raises ValueError where the first is not."""
-    found, at = [], 0
-    while at + _LENGTH + _DIGEST <= len(content):
-        begin = at + _LENGTH + _DIGEST
+def _records(content: bytes) -> Iterator[tuple[bytes, list[int], bytes]]:
+    """Message, numbers and data of those that are whole. Raises ValueError for what is no record."""
+    at = 0
+    while (begin := at + _LENGTH + _DIGEST) <= len(content):
         end = begin + int.from_bytes(content[at : at + _LENGTH], "little")
-        if hashlib.sha256(content[begin:end]).digest() != content[at + _LENGTH : begin] or end > len(content):
-            break
+        if end > len(content) or hashlib.sha256(content[begin:end]).digest() != content[at + _LENGTH : begin]:
+            return
         head, _, data = content[begin:end].partition(b"\n")
-        found.append((json.loads(head), data))
+        length, *numbers = json.loads(head)
+        yield data[:length], numbers, data[length:]
         at = end
-    if not found:
-        raise ValueError("it has no base")
-    return found

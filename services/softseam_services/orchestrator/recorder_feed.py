@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from softseam_protocol.bus.client import Bus
+from softseam_protocol.bus.inbox import Inbox, LiveChange, Received
 from softseam_protocol.errors import NoReply, ProtocolError, Refused
 from softseam_protocol.messages.header import Header
 from softseam_protocol.messages.outcomes import RecordingState
@@ -27,20 +28,25 @@ MOST_BYTES = 48 * 2**20
 """on their way to the recorder; it holds 64 MiB for its disk"""
 PATIENCE = 2.0
 _ANSWER = 5.0
+"""longest wait for a recorder to begin, and for another one where it is lost at the end of a run [s]"""
 _PACE = 1 / 20
 """of asking a recorder that has not been introduced yet [s]"""
 
 
-def answer_of_recorder(bus: Bus, keys: Keys, request: Begin | End, timeout: float) -> Recorded:
-    """The recorder's answer, within `timeout` [s]. One that lives, but that a process which has just joined the bus has
-    not been introduced to, is asked for `PATIENCE`. Raises Refused and ProtocolError."""
-    end = time.monotonic() + PATIENCE
+def answer_of_recorder(bus: Bus, keys: Keys, request: Begin | End, timeout: float, introduced: float = 0.0) -> Recorded:
+    """The recorder's answer, within `timeout` [s]. Raises Refused and ProtocolError.
+
+    One that lives, but that a process which has just joined the bus has not been introduced to, is asked for
+    `PATIENCE`; until `introduced`, on time.monotonic(), it is not known who lives.
+    """
+    end = max(time.monotonic() + PATIENCE, introduced)
     while True:
         try:
             answer: Recorded = bus.call(keys.recorder, request, Recorded, timeout)
             return answer
         except NoReply:
-            if time.monotonic() > end or not bus.live(keys.every_live("recorder")):
+            now = time.monotonic()
+            if now > end or (now > introduced and not bus.live(keys.every_live("recorder"))):
                 raise
             time.sleep(_PACE)
 
@@ -73,14 +79,10 @@ class RecorderFeed:
         self._known = False
         """one was there"""
         self._late = self._failed = False
-        self._sent = 0
-        """messages since the beginning"""
-        self._safe = 0
-        """of these, what the recorder has in its file or has given up"""
-        self._under_way: deque[_Held] = deque()
-        self._last_step: list[_Held] = []
-        """what is safe of the step of the message that became safe last"""
-        self._bytes = 0
+        self._held: deque[_Held] = deque()
+        """on their way to the recorder, and the step of what became safe last, which may go on"""
+        self._let_go, self._bytes = 0, 0
+        """messages since the beginning that are held no more; size of those that are"""
         self._acks = bus.subscribe(keys.session(session, Recorded), latest=True) if record else None
         self._recorders = bus.watch_live(keys.every_live("recorder")) if record else None
         self.waited = 0.0
@@ -95,11 +97,12 @@ class RecorderFeed:
         if self._begun is not None:
             self.end("reset")
         self._begun = begin
-        self._hold_anew([])
-        self._missing = self._known = False
+        self._held.clear()
+        self._bytes = 0
+        self._missing, self._known = False, begin.header.step > 0  # what goes on had one
         self._publish(begin)
         if self._record:
-            self._drain()
+            _empty(self._recorders)
             self._invite(begin)
 
     def publish(self, message: StepReport | Frame | Event) -> None:
@@ -120,18 +123,20 @@ class RecorderFeed:
         if self._begun is None:
             return None
         if self._missing and self._known:
-            self._watch(time.monotonic() + PATIENCE)
-        end = End(self._begun.header, reason)
-        self._begun = None
-        recorded = None
+            self._watch(time.monotonic() + _ANSWER)
+        end, recorded = End(self._begun.header, reason), None
         self._publish(end)
-        if self._following:
+        while self._following and recorded is None:
             try:
                 recorded = answer_of_recorder(self._bus, self._keys, end, FINISH)
+            except NoReply:
+                self._lose()
+                self._watch(time.monotonic() + _ANSWER)
+                self._publish(end)  # comes after what was held
             except ProtocolError as error:
                 self._warn("recording", f"the recorder did not confirm the end of the recording: {error}")
-            self._following = False
-        self._missing = False
+                break
+        self._begun, self._following, self._missing = None, False, False
         return recorded
 
     def close(self) -> None:
@@ -154,22 +159,19 @@ class RecorderFeed:
 
     def _hold(self, held: _Held) -> None:
         """Until it is safe; while no recorder is there the oldest give way."""
-        self._sent += 1
-        self._under_way.append(held)
+        self._held.append(held)
         self._bytes += len(held.payload)
         while self._missing and self._too_many():
-            self._bytes -= len(self._under_way.popleft().payload)
-            self._last_step.clear()
+            self._drop_oldest()
 
-    def _hold_anew(self, held: list[_Held]) -> None:
-        """These alone are under way, to a recorder that begins."""
-        self._under_way, self._last_step = deque(held), []
-        self._sent, self._safe, self._bytes = len(held), 0, sum(len(each.payload) for each in held)
-        self._late = self._failed = False
+    def _drop_oldest(self) -> None:
+        self._bytes -= len(self._held.popleft().payload)
+        self._let_go += 1
 
     def _invite(self, begin: Begin) -> None:
         """Ask the recorder to open a file; the answer comes once it listens."""
         self._asked = begin.header
+        _empty(self._acks)
         try:
             answer_of_recorder(self._bus, self._keys, begin, _ANSWER)
         except Refused as error:
@@ -180,13 +182,8 @@ class RecorderFeed:
             self._warn("recording", f"nothing is recorded, no recorder answers: {error}")
         else:
             self._following = self._known = True
-            self._missing = False
-
-    def _drain(self) -> None:
-        """Forget what was said about runs before."""
-        for inbox in (self._acks, self._recorders):
-            while inbox is not None and inbox.get(0.0) is not None:
-                continue
+            self._missing = self._late = self._failed = False
+            self._let_go = 0
 
     def _watch(self, until: float = 0.0) -> None:
         """Notice a recorder that dies or comes back; until: wait for one so long, on time.monotonic()."""
@@ -196,32 +193,25 @@ class RecorderFeed:
             if change is None:
                 return
             if not change.alive and self._following:
-                self._following, self._missing = False, True
-                self._warn(
-                    "recording",
-                    "the recorder is gone: what is not in its file yet waits for another one, the run goes on",
-                )
+                self._lose()
             elif change.alive and not self._following:
                 self._come_back(self._begun)
 
+    def _lose(self) -> None:
+        self._following, self._missing = False, True
+        self._warn(
+            "recording", "the recorder is gone: what is not in its file yet waits for another one, the run goes on"
+        )
+
     def _come_back(self, begun: Begin) -> None:
-        """Give a recorder the beginning, and what is held from the first step that is not all safe."""
-        same = [
-            each
-            for each in self._last_step
-            if not self._under_way or each.header.step == self._under_way[0].header.step
-        ]
-        held = [*same, *self._under_way]
-        if held:
-            at = held[0].header
+        """Give a recorder the beginning, and what is held."""
+        if self._held:
+            at = self._held[0].header
             begun = replace(begun, header=replace(begun.header, step=at.step, time=at.time))
-        while self._acks is not None and self._acks.get(0.0) is not None:
-            continue  # what the one before said
         self._invite(begun)
         if self._following:
-            self._hold_anew(held)
-            for each in held:
-                self._bus.publish(self._keys.session(self._session, each.kind), each.payload)
+            for held in self._held:
+                self._bus.publish(self._keys.session(self._session, held.kind), held.payload)
             self._warn("recording", f"a recorder is back and records from step {begun.header.step} on")
 
     def _read_acks(self, timeout: float = 0.0) -> None:
@@ -237,25 +227,22 @@ class RecorderFeed:
             return
         if recorded.header != self._asked:
             return  # of the file before
-        self._acknowledge(min(self._sent, recorded.messages + recorded.lost))
+        self._acknowledge(min(recorded.messages + recorded.lost - self._let_go, len(self._held)))
         if recorded.state == RecordingState.FAILED and not self._failed:
             self._failed = True
             self._warn("recording", recorded.note)
 
     def _acknowledge(self, safe: int) -> None:
-        while self._safe < safe:
-            self._safe += 1
-            held = self._under_way.popleft()
-            self._bytes -= len(held.payload)
-            if self._last_step and self._last_step[0].header.step != held.header.step:
-                self._last_step.clear()
-            self._last_step.append(held)
+        """So many of those that are held are in the file, or given up."""
+        while safe > 1 and self._held[0].header.step != self._held[safe - 1].header.step:
+            self._drop_oldest()
+            safe -= 1
         if self._late and not self._too_many():
             self._late = False
             self._warn("recording", "the recorder has caught up")
 
     def _too_many(self) -> bool:
-        return len(self._under_way) > MOST_MESSAGES or self._bytes > MOST_BYTES
+        return len(self._held) > MOST_MESSAGES or self._bytes > MOST_BYTES
 
     def _wait(self) -> None:
         """Wait for acknowledgements, once; then the run goes on without looking back."""
@@ -270,3 +257,9 @@ class RecorderFeed:
             self._warn(
                 "recording", f"the recorder lags behind after {PATIENCE:g} s: the run goes on, messages may be lost"
             )
+
+
+def _empty(inbox: Inbox[Received] | Inbox[LiveChange] | None) -> None:
+    """Forget what was said about files before."""
+    while inbox is not None and inbox.get(0.0) is not None:
+        continue

@@ -129,6 +129,8 @@ class ClientHandler:
         self._lock = threading.Lock()
         self._liveness = ClientLiveness(bus, keys)
         self._kept = kept_sessions(keys)
+        self._introduced = time.monotonic() + PATIENCE
+        """by when this process knows who else is there"""
 
     def __call__(self, payload: bytes) -> bytes:
         """The reply. Raises Refused, and what `decode` raises, which the bus answers with a Failure."""
@@ -179,10 +181,7 @@ class ClientHandler:
             _log.warning("%d sessions are left as they are: their services do not answer", len(self._clients))
 
     def _client(self, header: Header, opening: bool) -> ClientSession:
-        try:
-            kept = KeptSession(self._kept, header.session)
-        except ValueError as error:
-            raise Refused(Failure(FailureKind.INVALID, str(error))) from None
+        kept = KeptSession(self._kept, header.session)
         while True:
             with self._lock:
                 client = self._clients.get(header.session)
@@ -230,7 +229,8 @@ class ClientHandler:
     def _answer(self, client: ClientSession, request: Asked) -> bytes:
         """Answer a request, or repeat the answer (client held)."""
         if not client.opened and client.kept.there:
-            self._take_up(client)
+            with _refusing(begins=False):
+                client.take_up()
         kept, number = client.answer, request.header.exchange
         if kept is not None:
             if number == kept.number and type(request) is kept.kind:
@@ -254,20 +254,6 @@ class ClientHandler:
         client.answer = Answer(type(request), number, payload)
         return payload
 
-    def _take_up(self, client: ClientSession) -> None:
-        """Go on with a session whose orchestrator was lost (client held)."""
-        try:
-            with _refusing(begins=False):
-                client.take_up()
-        except Damaged as error:
-            client.kept.discard()
-            raise Refused(
-                Failure(
-                    FailureKind.NOT_CONFIGURED,
-                    f"the session was lost with its orchestrator, and {error}: open it again",
-                )
-            ) from error
-
     def _run(self, client: ClientSession, request: Asked) -> ClientReply:
         """Do what is asked; every expected trouble becomes a Failure that says what to do."""
         with _refusing(isinstance(request, Open) or (isinstance(request, Reset) and request.bundle is not None)):
@@ -288,9 +274,9 @@ class ClientHandler:
         client = self._clients.get(session)
         if client is None and KeptSession(self._kept, session).there:
             client = self._client(request.header, opening=False)
-            with client.lock, suppress(Refused):
+            with client.lock, suppress(Refused), _refusing(begins=False):
                 if not client.opened:
-                    self._take_up(client)  # so that its recording has what was on its way, and an end
+                    client.take_up()  # so that its recording has what was on its way, and an end
         if client is not None and not self._end_in_turn(session, client, "closed", _TURN):
             raise Refused(Failure(FailureKind.BUSY, "the request before is still at work: close again"))
         return encode(Closed(request.header))
@@ -298,7 +284,7 @@ class ClientHandler:
     def _recorded(self, request: End) -> bytes:
         """What became of the session's recording, which the recorder ends if that was not done before."""
         try:
-            return encode(answer_of_recorder(self._bus, self._keys, request, FINISH))
+            return encode(answer_of_recorder(self._bus, self._keys, request, FINISH, self._introduced))
         except Refused as error:
             raise Refused(replace(error.failure, message=f"the recorder refused: {error.failure.message}")) from None
         except ProtocolError as error:
@@ -346,12 +332,12 @@ def _refusing(begins: bool) -> Iterator[None]:
     """Every expected trouble becomes a Failure that says what to do; begins: a scene is opened."""
     try:
         yield
-    except ParticipantLost as error:
-        raise Refused(Failure(FailureKind.INTERNAL, str(error))) from error
+    except Damaged as error:
+        raise Refused(Failure(FailureKind.NOT_CONFIGURED, str(error))) from error
     except ParticipantFailed as error:
         invalid = error.failure.kind == FailureKind.INVALID and begins
         raise Refused(Failure(FailureKind.INVALID if invalid else FailureKind.INTERNAL, str(error))) from error
-    except (StepFailed, Stopped) as error:
+    except (ParticipantLost, StepFailed, Stopped) as error:
         raise Refused(Failure(FailureKind.INTERNAL, str(error))) from error
     except (SceneError, ValueError) as error:  # mesh, tool and archive errors are ValueErrors
         raise Refused(Failure(FailureKind.INVALID, str(error))) from error

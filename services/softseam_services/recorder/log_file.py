@@ -14,7 +14,6 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from softseam_protocol.messages.header import SCHEMA_VERSION
 from softseam_protocol.messages.recording import Begin, SurfaceMesh
 from softseam_protocol.wire import codec
-from softseam_services.recorder.room import check_room
 from softseam_services.recorder.whole_file import Existing, RecordError, WholeFile
 
 EPOCH = 946_684_800
@@ -29,21 +28,16 @@ _REASON = 160
 class LogFile:
     """One recording, written by one thread."""
 
-    def __init__(self, path: Path, begin: Begin, *, existing: Existing = "error", continues: str = "") -> None:
-        """continues: name of the file beside this one that has the steps before `begin`; empty where there are none."""
+    def __init__(self, path: Path, begin: Begin, *, existing: Existing = "error") -> None:
         if path.suffix != ".mcap":
             raise RecordError(f"{path}: a recording's name ends in .mcap")
-        try:
-            check_room(path, 0)
-        except OSError as error:
-            raise RecordError(f"cannot create the recording {path}: {error.strerror or error}") from error
         self._file = WholeFile(path, existing, _tail("was cut off: its recorder did not finish"))
         self.path = self._file.path
         self._writer = Writer(self._file, chunk_size=CHUNK, compression=CompressionType.ZSTD, enable_crcs=True)  # type: ignore[arg-type]
         self._channels: dict[type, int] = {}
         self._sequence = 0
         try:
-            self._start(begin, continues)
+            self._start(begin)
         except OSError as error:
             self._file.close()
             self.path.unlink(missing_ok=True)
@@ -54,14 +48,14 @@ class LogFile:
         """Size of the file up to the last flush [B]."""
         return self._file.size
 
-    def _start(self, begin: Begin, continues: str) -> None:
+    def _start(self, begin: Begin) -> None:
         writer, now = self._writer, time.time_ns()
         writer.start(profile="softseam", library=f"softseam {begin.facts.get('softseam', '')}".strip())
         started = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(now // 1_000_000_000))
         about = {"schema": str(SCHEMA_VERSION), "session": begin.header.session, "seed": str(begin.seed)}
         writer.add_metadata("softseam", {**about, "epoch": str(EPOCH), "started": started})
-        if begin.header.step:
-            writer.add_metadata("continues", {"file": continues, "step": str(begin.header.step)})
+        if begin.header.step:  # an orchestrator, or a recorder, was lost: the steps before are in the file before
+            writer.add_metadata("continues", {"file": self._file.before, "step": str(begin.header.step)})
         writer.add_metadata("facts", dict(begin.facts))
         writer.add_attachment(now, log_time(0.0), "scene.json", "application/json", begin.bundle.scene.encode())
         for name, data in begin.bundle.files.items():

@@ -43,16 +43,14 @@ class McapRecorder:
         queue_bytes: int = 64 << 20,
         patience: float = 0.05,
         on_loss: Callable[[str], None] | None = None,
-        continues: str = "",
     ) -> None:
         """Create the file; raises RecordError where that fails.
 
         queue_bytes  encoded messages that may wait for the disk [B]
         patience     longest wait of a `write` for room in the queue [s]
         on_loss      hears once, on the writing thread or the caller's, why messages begin to be lost
-        continues    see `LogFile`
         """
-        self._file = LogFile(Path(path), begin, existing=existing, continues=continues)
+        self._file = LogFile(Path(path), begin, existing=existing)
         self._header = begin.header
         self._queue: deque[tuple[type, float, bytes, int]] = deque()
         self._queued = 0  # bytes

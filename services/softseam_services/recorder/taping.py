@@ -11,7 +11,6 @@ from softseam_protocol.messages.session import Event, Frame, StepReport
 from softseam_protocol.topics import Keys
 from softseam_protocol.wire.codec import decode, encode
 from softseam_services.recorder.recorder import McapRecorder
-from softseam_services.recorder.whole_file import last_numbered
 
 _TELL = 0.1
 """time between looks at what to report [s]"""
@@ -36,8 +35,7 @@ class Taping:
         """step of the last message"""
         self._bus, self._key = bus, keys.session(session, Recorded)
         path = directory / f"{session}.mcap"
-        before = last_numbered(path) if begin.header.step else ""  # of an orchestrator, or a recorder, that was lost
-        self._recorder = McapRecorder(path, begin, existing="number", patience=_PATIENCE, continues=before)
+        self._recorder = McapRecorder(path, begin, existing="number", patience=_PATIENCE)
         self._due = 0.0
         self._refused = 0
         self._told: Recorded | None = None

@@ -7,6 +7,8 @@ import os
 from pathlib import Path
 from typing import Literal
 
+from softseam_services.recorder.room import check_room
+
 Existing = Literal["error", "replace", "number"]
 """where a file of that name exists: refuse, put the new one in its place, or append -2, -3, ... to the name"""
 
@@ -22,7 +24,8 @@ class WholeFile:
     """
 
     def __init__(self, path: Path, existing: Existing, tail: bytes) -> None:
-        self.path, self._fd = _create(path, existing)
+        self.path, self._fd, self.before = _create(path, existing)
+        """before: name of the file that has the number before this one's; empty where there is none"""
         self._tail = tail
         self._pending = bytearray()
         self.size = 0
@@ -72,32 +75,21 @@ class WholeFile:
             self._fd = -1
 
 
-def _create(path: Path, existing: Existing) -> tuple[Path, int]:
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+def _create(path: Path, existing: Existing) -> tuple[Path, int, str]:
+    before, flags = "", os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
     try:
+        check_room(path, 0)
         if existing == "replace":
             fresh = path.with_name(f".{path.name}.{os.getpid()}")
             fd = os.open(fresh, flags, 0o644)
             os.replace(fresh, path)
-            return path, fd
+            return path, fd, before
         for i in range(1, 10_000 if existing == "number" else 2):
-            candidate = _numbered(path, i)
+            candidate = path if i == 1 else path.with_stem(f"{path.stem}-{i}")
             try:
-                return candidate, os.open(candidate, flags, 0o644)
+                return candidate, os.open(candidate, flags, 0o644), before
             except FileExistsError:
-                continue
+                before = candidate.name
     except OSError as error:
         raise RecordError(f"cannot create the recording {path}: {error.strerror or error}") from error
     raise RecordError(f"{path} exists: choose another name, or remove it first")
-
-
-def last_numbered(path: Path) -> str:
-    """Name of the file that was created last under a name and "number"; empty where there is none."""
-    i = 1
-    while _numbered(path, i).exists():
-        i += 1
-    return _numbered(path, i - 1).name if i > 1 else ""
-
-
-def _numbered(path: Path, i: int) -> Path:
-    return path if i == 1 else path.with_stem(f"{path.stem}-{i}")
