@@ -18,8 +18,6 @@ Floats = NDArray[np.float64]
 
 _LIMIT = 0.02
 """of its way, by which steps may carry a body ahead unsaid [1]"""
-_EVEN = 0.1
-"""of its way, by which that of a body that gathers speed evenly is off what its speeds say [1]"""
 
 
 class StepLead:
@@ -31,9 +29,10 @@ class StepLead:
         free = body.has_cells and not body.fixed.any()
         self._watches = default and free and some_read([regions.default], "fem.integrator")
         self._step, self._mass, self._begun = h, body.total_mass, np.zeros(3)
+        self._unseen = 0.0
         if self._watches and body.has_cells:
-            cell_begun = body.cell_mass[:, :, None] * body.v_initial[body.cell_nodes]
-            self._begun = cell_begun.sum(axis=(0, 1)) / self._mass
+            self._begun = np.einsum("cn,cni->i", body.cell_mass, body.v_initial[body.cell_nodes]) / self._mass
+            self._unseen = fem.tolerance * body.resolution  # what Newton's method leaves open
         self.forget()
 
     def forget(self) -> None:
@@ -55,17 +54,17 @@ class StepLead:
         self._n_steps += 1
 
     def said(self) -> str:
-        """By how much steps carried it ahead; '' where that is little, where it gathered speed unevenly, or where
-        nothing is known of it."""
+        """By how much steps carried it ahead; '' where that is little, or less than what its way is off that of an even
+        acceleration, or where nothing is known of it."""
         gathered: Floats = self._speed - self._begun
         gain = float(np.linalg.norm(gathered))
-        if not self._known or gain == 0.0:
+        ahead = 0.5 * self._step * gain  # eq. (1)
+        if not self._known or ahead <= self._unseen:
             return ""
         along = gathered / gain
-        ahead = 0.5 * self._step * gain  # eq. (1)
         way = float(self._way @ along)
         even = self._n_steps * self._step * (float(self._begun @ along) + 0.5 * gain) + ahead
-        if ahead <= _LIMIT * abs(way) or abs(even - way) > _EVEN * abs(way):
+        if ahead <= max(_LIMIT * abs(way), abs(even - way)):
             return ""
         share = 100.0 * ahead / abs(way)
         return (
