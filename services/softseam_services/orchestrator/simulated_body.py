@@ -26,6 +26,7 @@ from softseam_services.orchestrator.probes import Probes
 from softseam_services.orchestrator.program import Program
 from softseam_services.orchestrator.quantities import Quantities
 from softseam_services.orchestrator.regions import Regions
+from softseam_services.orchestrator.step_lead import StepLead
 from softseam_services.orchestrator.step_losses import StepLosses
 from softseam_services.orchestrator.step_warnings import StepWarnings, Tell
 from softseam_services.orchestrator.transport import Transport
@@ -72,7 +73,7 @@ class SimulatedBody:
         """that hold the parts"""
         self.errors = ErrorEstimator(self.body, self.scene)
         self.warnings = StepWarnings(self.scene, tell)
-        self.losses = StepLosses([setup])
+        self.losses, self._lead = StepLosses([setup]), StepLead(setup, clock.dt)
         self.whereabouts = Whereabouts([self.body], setup.tools, self._tell_of)
         self.pierced = Pierced(self.body, setup.tools, tell)
         self.creep = Creep([self.body], setup.tools, LOOK_EVERY * self.scene.step, self._tell_of)
@@ -92,6 +93,7 @@ class SimulatedBody:
         self._lift_base, self._slip, self._felt = 0.0, 0.0, False
         self.errors.reset()
         self.losses.forget()
+        self._lead.start()
         self.balance.reset()
         self.whereabouts.start()
         self.creep.forget()
@@ -106,6 +108,7 @@ class SimulatedBody:
         """
         self._lift_base, self._slip, self._felt = other._lift_base, other._slip, other._felt
         self.errors.reset()
+        self._lead.forget()
         self.participants.stand(self._clock.step)
         energies = self.regions.start(state)
         other.participants.release(set(other.participants.parts.names) - set(self.participants.parts.names))
@@ -217,13 +220,15 @@ class SimulatedBody:
             self.errors.look(self._clock.time, self.regions.parts, fields, goal)
         if done and (swings := self.losses.swings()):
             self._tell("damped", f"step {self._clock.step - 1}: {swings}")
+        if done and (ahead := self._lead.said()):
+            self._tell("accuracy", f"step {self._clock.step - 1}: {ahead}")
         estimate = self.errors.estimate() if done else None
         return None if estimate is None else self._with_losses(estimate)
 
     def _with_losses(self, estimate: ErrorEstimate) -> ErrorEstimate:
-        """With what steps damped, of which fields know nothing."""
-        said = self.losses.said()
-        return replace(estimate, text=f"{estimate.text}; {said}") if said else estimate
+        """With what steps damped, and by how much they carried it ahead, of which fields know nothing."""
+        said = "; ".join(filter(None, (estimate.text, self.losses.said(), self._lead.said())))
+        return replace(estimate, text=said)
 
     def estimate(self, position: Floats, orientation: Floats) -> ErrorEstimate | None:
         """How far the answer may be off as the body stands; None of particles."""
@@ -240,6 +245,7 @@ class SimulatedBody:
     def book(self, replies: Mapping[str, Advanced], solution: Outcome, drive_work: float) -> Entry:
         """Enter a step into the balance, with the cut that it was taken with, and what the tools' motion put in [J]."""
         entry = self.balance.book(self.regions.parts, replies, solution, drive_work)
+        self._lead.follow(replies)
         if not self.losses.watches:
             return entry
         self._touches[0] = any(reply.wrench.any() for reply in replies.values())
@@ -291,6 +297,7 @@ class SimulatedBody:
     def load(self, saved: Arrays) -> None:
         """Continue from `save`, after the clock."""
         tied = self._take(saved)
+        self._lead.forget()
         self.participants.stand(self._clock.step)
         self.participants.restore(tied, {name: state.tobytes() for name, state in named(saved, "part.").items()})
 
