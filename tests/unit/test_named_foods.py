@@ -53,6 +53,13 @@ def test_other_numbers_take_the_place_of_a_foods() -> None:
     assert len(own.relaxation) == 3
 
 
+def test_how_near_to_breaking_is_refused_of_what_says_no_strength() -> None:
+    asks = {"quantities": ["stress_over_strength"]}
+    assert Scene.model_validate(scene("tofu_firm") | asks).quantities == ("stress_over_strength",)
+    with pytest.raises(ValueError, match="strength: give body"):
+        Scene.model_validate(scene("plant_sausage") | asks)
+
+
 @pytest.mark.parametrize(
     ("said", "text"), [("tofu_frim", "tofu_firm"), ("{food: tofu_frim}", "tofu_firm"), ("3", "food")]
 )

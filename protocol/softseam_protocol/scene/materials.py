@@ -80,6 +80,12 @@ class MaterialSpec(Spec):
         default=None, description="part of the stress that yields, by von Mises, so that a dent stays"
     )
 
+    strength: Positive | None = Field(
+        default=None,
+        description="von Mises stress at which it would break, the stress of a bar that is pulled or pressed until it "
+        "does; nothing breaks, but a run says how near it comes; an inclusion has none but its own [Pa]",
+    )
+
     @model_validator(mode="after")
     def _fades_and_yields(self) -> Self:
         key = "relaxation" if self.relaxation else "plasticity"
@@ -225,9 +231,9 @@ def _dumped(spec: MaterialSpec, info: SerializationInfo) -> dict[str, Any]:
 
 
 def _as_hashed(said: dict[str, Any]) -> dict[str, Any]:
-    """In version 1 of the scene format every material says its ratio, and none that it does not relax or yield: hashes
-    of what ships with scenes hold it so."""
-    unsaid = [key for key in ("relaxation", "plasticity") if not said.get(key)]
+    """In version 1 of the scene format every material says its ratio, and none that it does not relax, yield or break:
+    hashes of what ships with scenes hold it so."""
+    unsaid = [key for key in ("relaxation", "plasticity", "strength") if not said.get(key)]
     return {"ratio": None} | {key: value for key, value in said.items() if key not in unsaid}
 
 
@@ -269,7 +275,7 @@ class InclusionMaterial(Spec):
             if key not in type(body).model_fields or key in _OF_BODY:
                 raise _unknown_key(body.kind, key, *at)
         try:
-            return type(body).model_validate({**body.model_dump(), **changes})
+            return type(body).model_validate({**body.model_dump(), "strength": None, **changes})
         except ValidationError as error:
             first = error.errors()[0]
             raise wrong(first["msg"], *at, *first["loc"]) from None
