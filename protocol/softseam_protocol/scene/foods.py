@@ -29,6 +29,11 @@ ST_PIERRE = (
 )
 LIONS_MANE = "lion's mane mushroom steak, doi 10.64898/2026.01.19.700477, its data: LivingMatterLab/CANN"
 FUNGI_STEAK = "fungi steak, doi 10.1016/j.actbio.2025.07.002, its data: LivingMatterLab/CANN"
+DELI = (
+    "biaxial pulls by 8 %, 3 mu of 8 samples by least squares (the authors' own neo-Hookean fit), "
+    "Curr. Res. Food Sci., doi 10.1016/j.crfs.2025.101080, its data: LivingMatterLab/CANN"
+)
+PROSCIUTTO = DELI.replace("8 %", "18 %")
 CHARALAMBIDES = "Charalambides et al., J. Mater. Sci. 36:2313 (2001)"
 AI4CHEESE = "shear moduli of 208 to 390 kPa at .2 to 16 rad/s, AI4Cheese"
 SAPIRSTEIN = "Sapirstein et al., J. Cereal Sci. 32:235 (2000)"
@@ -172,6 +177,18 @@ FOODS: Table[Food] = Table(
         "pork_grilled": Food(
             "pork, grilled, stiffer the hotter",
             _of(Number(62.2e3, GRILLED, (28.5e3, 146.8e3)), Number(0.39, GRILLED, (0.25, 0.49))),
+        ),
+        "deli_chicken": Food("roast chicken, sliced, pulled", _of(Number(117.3e3, DELI, (86.8e3, 141.4e3)))),
+        "deli_ham": Food("cooked ham, sliced, pulled", _of(Number(116.6e3, DELI, (87.7e3, 152.4e3)))),
+        "deli_turkey": Food("roast turkey, sliced, pulled", _of(Number(134.0e3, DELI, (58.8e3, 208.7e3)))),
+        "prosciutto": Food("cured ham, sliced, pulled", _of(Number(48.7e3, PROSCIUTTO, (10.6e3, 68.4e3)))),
+        "plant_ham": Food("ham made of plants, sliced, pulled", _of(Number(343.1e3, DELI, (262.6e3, 412.4e3)))),
+        "plant_slices_hickory": Food(
+            "hickory-smoked slices made of plants, pulled", _of(Number(213.2e3, DELI, (182.5e3, 255.0e3)))
+        ),
+        "plant_turkey": Food("turkey made of plants, sliced, pulled", _of(Number(378.4e3, DELI, (356.1e3, 394.4e3)))),
+        "plant_prosciutto": Food(
+            "prosciutto made of plants, sliced, pulled", _of(Number(112.5e3, PROSCIUTTO, (46.3e3, 214.6e3)))
         ),
         "agar_gel": Food("agar gel", _of(Number(52.0e3, ROSS), Number(0.32, ROSS), Number(1010.0))),
         "bread_crumb": Food(
