@@ -69,3 +69,16 @@ def test_what_would_break_is_one_event_with_place_and_time() -> None:
 def test_nothing_is_said_without_a_strength() -> None:
     end, said = run(pressed(0.2))
     assert "stress_over_strength" not in end and not said
+
+
+@pytest.mark.parametrize("model", ["fem", "pbd"])
+def test_of_several_bodies_those_say_it_that_have_a_strength(model: str) -> None:
+    """Two cubes under one press: the one of which a material says its strength, at the same share as alone."""
+    strength = 1.6 * abs(bar_stress(0.85))
+    data = pressed(0.15, model).model_dump(mode="json", by_alias=True)
+    body = data.pop("body")
+    named = {**body, "position": [0.05, 0.0, 0.0], "material": {**body["material"], "strength": strength}}
+    data |= {"bodies": {"plain": body, "named": named}, "quantities": ["stress_over_strength"]}
+    end, said = run(Scene.model_validate(data))
+    assert "plain.stress_over_strength" not in end and not said
+    assert end["named.stress_over_strength"] == pytest.approx(1.0 / 1.6, rel=0.01)

@@ -21,11 +21,11 @@ class Breaking:
     """Watches one body; makes one event, when it first bears more than its strength.
 
     strength  of each octant, inf where its material says none (C, 8) [Pa]; None: none does
-    tell      receives the event
+    report    receives the event
     """
 
-    def __init__(self, body: AnyBody, strength: Floats | None, tell: Tell) -> None:
-        self._body, self._strength, self._tell = body, strength, tell
+    def __init__(self, body: AnyBody, strength: Floats | None, report: Tell) -> None:
+        self._body, self._strength, self._report = body, strength, report
         self.forget()
 
     def forget(self) -> None:
@@ -47,4 +47,4 @@ class Breaking:
         x, y, z = frame.x[self._body.cell_nodes[cell][nodes]].mean(axis=0)
         much = f"{ratio[cell, octant]:.2g} times the strength of {self._strength[cell, octant]:g} Pa"
         at = f"({x:.4f}, {y:.4f}, {z:.4f}) m at {time:.4g} s"
-        self._tell("breaks", f"step {step}: would break: stress {much} at {at}; {_WHOLE}")
+        self._report("breaks", f"step {step}: would break: stress {much} at {at}; {_WHOLE}")

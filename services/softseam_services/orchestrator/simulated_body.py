@@ -78,7 +78,7 @@ class SimulatedBody:
         self.pierced = Pierced(self.body, setup.tools, tell)
         self.creep = Creep([self.body], setup.tools, LOOK_EVERY * self.scene.step, self._tell_of)
         self._quantities = Quantities(self.body, program, self.scene.quantities, gripped)
-        self.breaking = Breaking(self.body, self._quantities.rest.strength, tell)
+        self.breaking = Breaking(self.body, self._quantities.rest.strength, self._tell)
         self._probes = Probes(self.body, points) if self.body.has_cells else None
         self.wants_fields = bool(points) or self._quantities.need_fields
         """whether some of its quantities need fields"""
