@@ -30,7 +30,7 @@ ST_PIERRE = (
 LIONS_MANE = "lion's mane mushroom steak, doi 10.64898/2026.01.19.700477, its data: LivingMatterLab/CANN"
 FUNGI_STEAK = "fungi steak, doi 10.1016/j.actbio.2025.07.002, its data: LivingMatterLab/CANN"
 DELI = (
-    "biaxial pulls by 8 %, 3 mu of 8 samples by least squares (the authors' own neo-Hookean fit), "
+    "mean of 3 mu fitted to biaxial pulls by 8 % of each of 8 samples, in the form of the authors' script, "
     "Curr. Res. Food Sci., doi 10.1016/j.crfs.2025.101080, its data: LivingMatterLab/CANN"
 )
 PROSCIUTTO = DELI.replace("8 %", "18 %")
