@@ -17,7 +17,7 @@ class Quantity:
     """One number a step."""
 
     unit: str
-    """SI; 1 for a ratio"""
+    """SI; 1 for a ratio, or what it is a share of"""
     meaning: str
     """one line"""
     of: Literal["any", "cells", "particles"] = "any"
@@ -28,6 +28,8 @@ class Quantity:
     """before the first step, where that needs no measuring; None: measured then, if it can be without a step"""
     group: Literal["grip", "shape", "error"] = "shape"
     """with which others it is drawn"""
+    of_strength: bool = False
+    """of bodies with a material that says its strength"""
     settles: bool = True
     """whether it has a limit as cells shrink; at edges of tools and clamps a largest stress has none"""
 
@@ -69,6 +71,15 @@ QUANTITIES: Table[Quantity] = Table(
             "largest von Mises stress of any octant of a cell",
             of="cells",
             always=True,
+            group="grip",
+            settles=False,
+        ),
+        "stress_over_strength": Quantity(
+            "of breaking",
+            "largest von Mises stress of any octant over its material's strength, of materials that say one: 1 breaks",
+            of="cells",
+            always=True,
+            of_strength=True,
             group="grip",
             settles=False,
         ),

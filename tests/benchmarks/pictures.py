@@ -24,6 +24,7 @@ SCENES: dict[str, Model | None] = {
     "calamari": None,
     "stiff_inclusion": "hybrid",
     "sausage_bent": None,
+    "gelatin": None,
 }
 IN_FULL = ("stiff_inclusion", "sausage_bent")
 """kept in all their colours: stress that varies little would show bands"""

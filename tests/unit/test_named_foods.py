@@ -53,6 +53,44 @@ def test_other_numbers_take_the_place_of_a_foods() -> None:
     assert len(own.relaxation) == 3
 
 
+def with_inclusion(body: Any, inclusion: Any) -> Scene:
+    data = scene(body)
+    data["body"]["inclusions"] = [
+        {"shape": {"kind": "sphere", "position": [0.0, 0.0, 0.02], "radius": 0.01}, "material": inclusion}
+    ]
+    return Scene.model_validate(data)
+
+
+def test_an_inclusion_is_named_as_a_body_is() -> None:
+    """All of the food's numbers, what it does not say of relaxing and breaking is none; a copy by its dump is alike."""
+    of = with_inclusion("tofu_firm", {"food": "mozzarella", "young": 1e6})
+    assert isinstance(of.body, BodySpec)
+    own, cheese = of.body.materials
+    assert own.strength == 4e3 and cheese.strength == 59e3
+    assert (cheese.young, cheese.density, len(cheese.relaxation)) == (1e6, 1080.0, 6)
+    of = with_inclusion("tofu_firm", "plant_sausage")
+    assert isinstance(of.body, BodySpec)
+    sausage = of.body.materials[1]
+    assert (sausage.young, sausage.relaxation, sausage.strength) == (82.3e3, (), None)
+    again = Scene.model_validate_json(of.model_dump_json(by_alias=True))
+    assert isinstance(again.body, BodySpec) and again.body.materials == of.body.materials
+    stone = with_inclusion("tofu_firm", {"young": 2e6})
+    assert isinstance(stone.body, BodySpec) and stone.body.materials[1].strength is None
+
+
+@pytest.mark.parametrize("said", ["tofu_frim", {"food": "tofu_frim"}])
+def test_an_inclusion_of_a_food_that_there_is_none_of_is_refused(said: Any) -> None:
+    with pytest.raises(ValueError, match=r"inclusions\.0\.material\n.*tofu_frim.* is not in the table of foods"):
+        with_inclusion("tofu_firm", said)
+
+
+def test_how_near_to_breaking_is_refused_of_what_says_no_strength() -> None:
+    asks = {"quantities": ["stress_over_strength"]}
+    assert Scene.model_validate(scene("tofu_firm") | asks).quantities == ("stress_over_strength",)
+    with pytest.raises(ValueError, match="strength: give body"):
+        Scene.model_validate(scene("plant_sausage") | asks)
+
+
 @pytest.mark.parametrize(
     ("said", "text"), [("tofu_frim", "tofu_firm"), ("{food: tofu_frim}", "tofu_firm"), ("3", "food")]
 )

@@ -27,6 +27,7 @@ CELLS = [
     "calamari",
     "cantilever",
     "dumpling",
+    "gelatin",
     "heavy_on_soft",
     "sausage",
     "sausage_bend",

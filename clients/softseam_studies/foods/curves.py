@@ -66,7 +66,7 @@ def draw_food(name: str, food: Food, path: Path) -> Path:
             low, high = (each / young.value for each in young.range)
             left.fill_between(stretch, low * stress, high * stress, color=tone, alpha=0.12, linewidth=0.0)
         left.plot(stretch, stress, color=tone, linewidth=1.8, label=text)
-    strength = food.besides.get("strength")
+    strength = food.numbers.get("strength")
     if strength is not None:
         left.axhline(1e-3 * strength.value, color=SOFT, linestyle=(0, (4, 3)), linewidth=1.1)
         left.text(0.86, 1e-3 * strength.value, "breaks", fontsize=9, color=SOFT, va="bottom")

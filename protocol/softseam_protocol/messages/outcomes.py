@@ -52,6 +52,8 @@ class EventKind(StrEnum):
 
     ACCURACY = "accuracy"
     """the estimated error is too large"""
+    BREAKS = "breaks"
+    """a body bears more than its material's strength; nothing breaks"""
     BUS = "bus"
     """what exchanges cost"""
     CELLS = "cells"

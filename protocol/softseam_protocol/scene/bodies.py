@@ -219,6 +219,11 @@ class BodySpec(OwnRegions):
         """The body's own, then one for each inclusion."""
         return (self.material, *(inclusion.material.within(self.material) for inclusion in self.inclusions))
 
+    @property
+    def says_strength(self) -> bool:
+        """Whether some of its materials do."""
+        return any(material.strength is not None for material in self.materials)
+
     @model_validator(mode="after")
     def _countable(self) -> BodySpec:
         if isinstance(self.shape, BlockShape) and self.cell is not None:

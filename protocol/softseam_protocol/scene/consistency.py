@@ -119,6 +119,8 @@ FEATURES: dict[str, Feature] = {
     "no model for one side": _at("regions", lambda a: not {*a.models} & {*that(lambda facts: facts.one_side)}),
     "model_error": lambda a: a.quantity(lambda name: name == "model_error"),
     "quantity of others": lambda a: a.quantity(lambda name: QUANTITIES[name].of not in ("any", a.body.made_of)),
+    "quantity of strength": lambda a: a.quantity(lambda name: QUANTITIES[name].of_strength),
+    "no strength": _at("body.material", lambda a: a.cells is not None and not a.cells.says_strength),
     "grip": lambda a: a.phase("grip", GripPhase) or a.phase("release", ReleasePhase),
     "held force": lambda a: a.phase("force", ClosePhase),
     "force_limit": lambda a: next(
@@ -211,6 +213,9 @@ REFUSED: dict[tuple[str, str], str] = {
     ("near.error", "coarse"): f"{_COARSE} regions.near.error, or models.pbd.coarse",
     ("model_error", "coarse"): f"{_COARSE} this quantity, or models.pbd.coarse",
     ("quantity of others", "cells"): "only sheets and ropes have {said}",
+    ("quantity of strength", "no strength"): (
+        "no material of this body says its strength: give body.material.strength, or a food that has one"
+    ),
     ("leapfrog", "near"): f"{_EXPLICIT} a seam: use xpbd, or leave out regions.near",
     ("leapfrog", "tools"): f"{_EXPLICIT} tools: use xpbd",
     ("classic pbd", "cells"): (

@@ -80,6 +80,12 @@ class MaterialSpec(Spec):
         default=None, description="part of the stress that yields, by von Mises, so that a dent stays"
     )
 
+    strength: Positive | None = Field(
+        default=None,
+        description="von Mises stress at which it would break, the stress of a bar that is pulled or pressed until it "
+        "does; nothing breaks, but a run says how near it comes; an inclusion has none but its own [Pa]",
+    )
+
     @model_validator(mode="after")
     def _fades_and_yields(self) -> Self:
         key = "relaxation" if self.relaxation else "plasticity"
@@ -209,14 +215,18 @@ class _ByKind:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         kinds = {name: spec.__pydantic_core_schema__ for name, spec in MATERIALS.items()}
-        said = handler(core_schema.tagged_union_schema(kinds, "kind"))
-        name = {
-            "enum": list(FOODS),
-            "type": "string",
-            "description": "a food, with numbers of its own: softseam materials",
-        }
-        but = {"type": "object", "properties": {"food": name}, "required": ["food"]}
-        return {"anyOf": [said, name, but]}
+        return _or_a_food(handler(core_schema.tagged_union_schema(kinds, "kind")))
+
+
+def _or_a_food(said: JsonSchemaValue) -> JsonSchemaValue:
+    """The schema of a material that may be named, too."""
+    name = {
+        "enum": list(FOODS),
+        "type": "string",
+        "description": "a food, with numbers of its own: softseam materials",
+    }
+    but = {"type": "object", "properties": {"food": name}, "required": ["food"]}
+    return {"anyOf": [said, name, but]}
 
 
 def _dumped(spec: MaterialSpec, info: SerializationInfo) -> dict[str, Any]:
@@ -225,9 +235,9 @@ def _dumped(spec: MaterialSpec, info: SerializationInfo) -> dict[str, Any]:
 
 
 def _as_hashed(said: dict[str, Any]) -> dict[str, Any]:
-    """In version 1 of the scene format every material says its ratio, and none that it does not relax or yield: hashes
-    of what ships with scenes hold it so."""
-    unsaid = [key for key in ("relaxation", "plasticity") if not said.get(key)]
+    """In version 1 of the scene format every material says its ratio, and none that it does not relax, yield or break:
+    hashes of what ships with scenes hold it so."""
+    unsaid = [key for key in ("relaxation", "plasticity", "strength") if not said.get(key)]
     return {"ratio": None} | {key: value for key, value in said.items() if key not in unsaid}
 
 
@@ -236,7 +246,8 @@ AnyMaterial = Annotated[MaterialSpec, _ByKind()]
 
 
 class InclusionMaterial(Spec):
-    """What differs from the body's own material; the law is the same, and so are the names of its own parameters."""
+    """What differs from the body's own material, or a food, which relaxes as that does; the law is the body's, and so
+    are the names of its own parameters."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -249,12 +260,22 @@ class InclusionMaterial(Spec):
     @model_validator(mode="before")
     @classmethod
     def _said(cls, values: Any) -> Any:
+        named = with_food(values)
+        if named is not values:
+            values = {"relaxation": [], **named}
         return _that_say(values, cls) if isinstance(values, Mapping) else values
 
     @model_serializer(mode="wrap")
     def _dumped(self, handler: SerializerFunctionWrapHandler, info: SerializationInfo) -> dict[str, Any]:
-        said = handler(self)
-        return said if info.exclude_none or info.exclude_defaults else _as_hashed(said)
+        said: dict[str, Any] = handler(self)
+        if info.exclude_none or info.exclude_defaults:
+            return said
+        elastic = {"relaxation": said["relaxation"]} if "relaxation" in said else {}
+        return _as_hashed(said) | elastic
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return _or_a_food(handler(schema))
 
     @model_validator(mode="after")
     def _differs(self) -> InclusionMaterial:
@@ -269,7 +290,7 @@ class InclusionMaterial(Spec):
             if key not in type(body).model_fields or key in _OF_BODY:
                 raise _unknown_key(body.kind, key, *at)
         try:
-            return type(body).model_validate({**body.model_dump(), **changes})
+            return type(body).model_validate({**body.model_dump(), "strength": None, **changes})
         except ValidationError as error:
             first = error.errors()[0]
             raise wrong(first["msg"], *at, *first["loc"]) from None

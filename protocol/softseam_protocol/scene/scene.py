@@ -191,7 +191,6 @@ class Scene(Spec):
     def _alone(self, body: AnyBody) -> Scene:
         """The scene with one of several bodies alone."""
         regions = body.regions or (self.regions if body.has_cells else RegionsSpec(default=body.usual_model))
-        kinds = ("any", body.made_of)
         return self._with_models_of(body).model_copy(
             update={
                 "one": body,
@@ -199,7 +198,7 @@ class Scene(Spec):
                 "joints": {},
                 "contacts": None,
                 "regions": regions,
-                "quantities": tuple(name for name in self.quantities if QUANTITIES[name].of in kinds),
+                "quantities": tuple(name for name in self.quantities if _has(body, name)),
                 "probes": self.probes if body.has_cells else {},
             }
         )
@@ -318,5 +317,13 @@ class Scene(Spec):
         if self.tolerance is not None:
             raise wrong("cells and steps are chosen for scenes with one body: leave it out", "tolerance")
         for i, quantity in enumerate(self.quantities):
-            if QUANTITIES[quantity].of not in ("any", *self.kinds):
+            if not any(_has(body, quantity) for body in self.many.values()):
                 raise wrong(f"none of the bodies has {quantity}", "quantities", i)
+
+
+def _has(body: AnyBody, name: str) -> bool:
+    """Whether a body has the quantity of this name."""
+    row = QUANTITIES[name]
+    return row.of in ("any", body.made_of) and (
+        not row.of_strength or (body.in_cells is not None and body.in_cells.says_strength)
+    )

@@ -8,6 +8,7 @@ same nodes, same masses, same energy density. A cell that is a tetrahedron has t
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import inf
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -59,6 +60,8 @@ class Material:
     """share of mu that fades [1], and the time in which it does [s], of each branch"""
     yielding: float = 0.0
     """share of mu that yields [1]"""
+    strength: float = inf
+    """von Mises stress at which it would break, inf where nobody says [Pa]"""
 
     @property
     def elastic(self) -> ElasticConstants:

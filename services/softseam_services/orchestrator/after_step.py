@@ -60,6 +60,7 @@ class AfterStep:
             body.whereabouts.forget()
             body.creep.forget()
             body.pierced.forget()
+            body.breaking.forget()
             body.losses.forget()
 
     def try_to(self, act: Callable[[], T]) -> T | None:

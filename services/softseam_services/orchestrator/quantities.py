@@ -75,6 +75,13 @@ class RestingBody:
         volume = body.cell_mass.sum(axis=1) / (fill * density).sum(axis=1)
         return np.asarray(volume[:, None] * fill)
 
+    @cached_property
+    def strength(self) -> Floats | None:
+        """Of each octant (C, 8), inf where its material says none [Pa]; None where none does."""
+        if not self.body.has_cells or all(math.isinf(material.strength) for material in self.body.materials):
+            return None
+        return self.body.of_octants([material.strength for material in self.body.materials])
+
 
 @dataclass(slots=True)
 class Look:
@@ -155,6 +162,11 @@ def _peak_von_mises(look: Look) -> float:
     return float(von_mises(look.fields.cauchy).max())
 
 
+def _stress_over_strength(look: Look) -> float:
+    assert look.rest.strength is not None  # else it is not measured
+    return float((von_mises(look.fields.cauchy) / look.rest.strength).max())
+
+
 def _von_mises_p99(look: Look) -> float:
     """A peak at an edge of a tool grows with every refinement; the volume around it that bears more does not."""
     stress, volume = von_mises(look.fields.cauchy).ravel(), look.rest.octant_volume.ravel()
@@ -199,6 +211,7 @@ MEASUREMENTS: Table[Measurement] = Table(
         "lift_height": Measurement("step", lambda look: look.rise),
         "slip": Measurement("step", _slip),
         "peak_von_mises": Measurement("fields", _peak_von_mises),
+        "stress_over_strength": Measurement("fields", _stress_over_strength),
         "von_mises_p99": Measurement("fields", _von_mises_p99),
         "sag": Measurement("step", _sag),
         "compression": Measurement("pose", _compression),
@@ -244,11 +257,12 @@ class Quantities:
             (name, row, MEASUREMENTS[name])
             for name, row in QUANTITIES.items()
             if row.of in kinds and (row.always or name in wanted) and (gripped or name not in _OF_GRIP)
+            if not row.of_strength or self.rest.strength is not None
         ]
         """by name, in their order"""
-        asked = [MEASUREMENTS[name].needs for name in wanted]
+        asked = [row.needs for name, described, row in self.rows if name in wanted or described.of_strength]
         self.need_fields = "fields" in asked or "indicators" in asked
-        """whether some that the scene asks for cost a look at the fields"""
+        """whether some that the scene asks for, or the strength of a material, cost a look at the fields"""
         self.need_indicators = "indicators" in asked
 
     def grip_force(self, wrench: Floats, orientation: Floats) -> float:

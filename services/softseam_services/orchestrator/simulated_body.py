@@ -15,6 +15,7 @@ from softseam_protocol.messages.session import ErrorEstimate, Frame
 from softseam_services.body.build import AnyBody
 from softseam_services.body.interpolate import bounding_points
 from softseam_services.orchestrator.archive import Arrays, as_bytes, floats, named, under
+from softseam_services.orchestrator.breaking import Breaking
 from softseam_services.orchestrator.clock import Clock
 from softseam_services.orchestrator.creep import Creep
 from softseam_services.orchestrator.energy_balance import EnergyBalance, Entry
@@ -78,6 +79,7 @@ class SimulatedBody:
         self.pierced = Pierced(self.body, setup.tools, tell)
         self.creep = Creep([self.body], setup.tools, LOOK_EVERY * self.scene.step, self._tell_of)
         self._quantities = Quantities(self.body, program, self.scene.quantities, gripped)
+        self.breaking = Breaking(self.body, self._quantities.rest.strength, self._tell)
         self._probes = Probes(self.body, points) if self.body.has_cells else None
         self.wants_fields = bool(points) or self._quantities.need_fields
         """whether some of its quantities need fields"""
@@ -98,6 +100,7 @@ class SimulatedBody:
         self.whereabouts.start()
         self.creep.forget()
         self.pierced.forget()
+        self.breaking.forget()
         self.participants.stand(self._clock.step)
         self.balance.begun = self.regions.start(resting_state(self.body))
 
@@ -201,6 +204,8 @@ class SimulatedBody:
             self._slip = found["slip"]
         found["slip"], self._felt = self._slip, felt
         found = self._named(found)
+        if frame is not None:
+            self.breaking.look(self._clock.step - 1, self._clock.time, frame)
         if frame is not None and self._probes is not None:
             found |= self._probes.measure(frame, self.regions.rule.models)
         return found

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 
@@ -102,6 +103,7 @@ def _built(spec: MaterialSpec) -> Material:
         respond=law.address,
         relaxation=branches,
         yielding=yielding,
+        strength=spec.strength or inf,
     )
 
 
