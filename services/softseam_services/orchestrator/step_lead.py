@@ -38,7 +38,7 @@ class StepLead:
     def forget(self) -> None:
         """The last step is another's: of a run that began elsewhere nothing is known."""
         self._known, self._n_steps = False, 0
-        self._momenta, self._last = np.zeros(3), (0.0, 0.0, 0.0)
+        self._momenta, self._last = np.zeros(3), np.zeros(3)
         """sum over steps, and in the last one [kg m/s]"""
 
     def start(self) -> None:
