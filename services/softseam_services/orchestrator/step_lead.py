@@ -38,7 +38,8 @@ class StepLead:
     def forget(self) -> None:
         """The last step is another's: of a run that began elsewhere nothing is known."""
         self._known, self._n_steps = False, 0
-        self._way, self._speed = np.zeros(3), self._begun
+        self._momenta, self._last = np.zeros(3), np.zeros(3)
+        """sum over steps, and in the last one [kg m/s]"""
 
     def start(self) -> None:
         """A run begins."""
@@ -47,22 +48,22 @@ class StepLead:
 
     def follow(self, replies: Mapping[str, Advanced]) -> None:
         """A step was taken."""
-        if not self._known:
-            return
-        self._speed = sum((np.array(reply.momentum) for reply in replies.values()), start=np.zeros(3)) / self._mass
-        self._way += self._step * self._speed
-        self._n_steps += 1
+        if self._known:
+            for whole in replies.values():
+                self._last = whole.momentum
+                np.add(self._momenta, self._last, out=self._momenta)
+                self._n_steps += 1
 
     def said(self) -> str:
         """By how much steps carried it ahead; '' where that is little, or less than what its way is off that of an even
         acceleration, or where nothing is known of it."""
-        gathered: Floats = self._speed - self._begun
+        gathered: Floats = np.array(self._last) / self._mass - self._begun
         gain = float(np.linalg.norm(gathered))
         ahead = 0.5 * self._step * gain  # eq. (1)
         if not self._known or ahead <= self._unseen:
             return ""
         along = gathered / gain
-        way = float(self._way @ along)
+        way = self._step / self._mass * float(self._momenta @ along)
         even = self._n_steps * self._step * (float(self._begun @ along) + 0.5 * gain) + ahead
         if ahead <= max(_LIMIT * abs(way), abs(even - way)):
             return ""
