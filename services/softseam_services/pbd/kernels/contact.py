@@ -263,7 +263,8 @@ def _begin_group(model, parameters, contacts, xw, a, tool, group, h):
         for entry in range(3 * EIGHT):
             row[EIGHT * col.HELD + entry] = row[EIGHT * col.FORCE + entry]
     if rows[group, col.DEEP]:
-        place_group(group, col.X, rows, indptr, node, weight, parameters.tilt, xw, pairs)
+        for entry in range(3 * EIGHT):
+            row[EIGHT * col.X + entry] = row[EIGHT * col.BEFORE + entry]
         places = parameters.places[tool]
         find_all_gaps(row, contacts.lanes, rows, group, kind[tool], shape[tool], places, place, turn, STILL, np.inf)
         for lane in range(EIGHT):
