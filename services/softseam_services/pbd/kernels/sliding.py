@@ -27,22 +27,34 @@ def slide_strain(ws, mu, strength, hardening, moves):
     """
     for lane in range(LANES):
         now, viscous = six(ws, lane, NOW), six(ws, lane, BRANCH)
-        _, inverse = unimodular(viscous)
+        (_, inverse), (_, back) = unimodular(viscous), unimodular(now)
+        p, r = contracted(now, inverse) - 3.0, contracted(viscous, back) - 3.0
+        sigma = strength + hardening * ws[lane + LANES * SLIPPED]
+        # -9 mu^2 times the slope of G (p + a r)/(1 + a)^2 at a = 0, with which `slip` begins, less a little.
+        ws[lane + LANES * SLIP] = mu * mu * (p * (p + 6.0) - 3.0 * r) - 0.99 * sigma * sigma
+        to = lane + LANES * FACING
+        ws[to] += mu * inverse[0]
+        ws[to + LANES] += mu * inverse[1]
+        ws[to + 2 * LANES] += mu * inverse[2]
+        ws[to + 3 * LANES] += mu * inverse[3]
+        ws[to + 4 * LANES] += mu * inverse[4]
+        ws[to + 5 * LANES] += mu * inverse[5]
+    for lane in range(LANES):
         a = 0.0
-        if moves:
-            _, back = unimodular(now)
-            p, r, alpha = contracted(now, inverse) - 3.0, contracted(viscous, back) - 3.0, ws[lane + LANES * SLIPPED]
+        if moves and ws[lane + LANES * SLIP] > 0.0:
+            now, viscous = six(ws, lane, NOW), six(ws, lane, BRANCH)
+            (_, begun), (_, back) = unimodular(viscous), unimodular(now)
+            p, r, alpha = contracted(now, begun) - 3.0, contracted(viscous, back) - 3.0, ws[lane + LANES * SLIPPED]
             a, sigma, _ = slip(p, r, mu, strength + hardening * alpha, hardening)
+            keep, more = 1.0 / (1.0 + a), a * sigma / (3.0 * mu)
             if a > 0.0:
-                keep, more = 1.0 / (1.0 + a), a * sigma / (3.0 * mu)
                 viscous, inverse = unimodular(mixed(keep, viscous, 1.0 - keep, now, 0.0, now))
                 ws[lane + LANES * SLIPPED] = alpha + more
                 ws[lane + LANES * LOST] += sigma * more
                 for n in range(OF_STRAIN):
                     ws[lane + LANES * (BRANCH + n)] = viscous[n]
+                    ws[lane + LANES * (FACING + n)] += mu * (inverse[n] - begun[n])
         ws[lane + LANES * SLIP] = a
-        for n in range(OF_STRAIN):
-            ws[lane + LANES * (FACING + n)] += mu * inverse[n]
 
 
 @batch_kernel
