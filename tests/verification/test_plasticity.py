@@ -165,11 +165,6 @@ def test_elements_whose_bending_would_not_yield_are_refused(element: str) -> Non
         softseam.open(scene().model_copy(update={"models": models}))
 
 
-def test_blocks_that_do_not_yield_are_refused() -> None:
-    with pytest.raises(softseam.SceneRefused, match=r"do not yield: set regions\.default: fem"):
-        softseam.open(scene(regions={"default": "pbd"}))
-
-
 @pytest.mark.parametrize(("stress", "words"), [(1e6, "elastic to strains of that order"), (2.0, "any touch leaves")])
 def test_a_yield_stress_in_another_unit_is_doubted(stress: float, words: str) -> None:
     assert [text for text in doubts(scene(plasticity={"yield_stress": stress}), {}) if words in text]

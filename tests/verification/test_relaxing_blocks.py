@@ -7,17 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 from fem_run import FemRun
+from held_blocks import Held
 from hexahedra import lattice, vtk
 from pbd_run import PbdRun, block_scene
 from relaxing import CASES, MU, POISSON, TWO, YOUNG, Point, said
 
 import softseam
 from softseam_protocol.scene.scene import Scene
-from softseam_services.pbd.kernels.block import new_workspace
-from softseam_services.pbd.kernels.block_rows import FOLD, HELD, LOST, N_STRESS
-from softseam_services.pbd.kernels.lanes import LANES, aligned
-from softseam_services.pbd.kernels.renew import renew
-from softseam_services.pbd.kernels.sweep import batch_energies, block_forces, exact_stress, strain_energy
+from softseam_services.pbd.kernels.block_rows import FOLD, HELD, LOST
+from softseam_services.pbd.kernels.sweep import block_forces
 
 EDGE = 0.05
 RAMP, SQUEEZE = 0.4, 0.25
@@ -84,43 +82,9 @@ def ragged(**own: Any) -> PbdRun:
     return PbdRun(block_scene(body=body), files={"m.vtk": vtk(points, cells)})
 
 
-class Held:
-    """Blocks of a cube whose nodes are where they are put."""
-
-    def __init__(self, branches: Branches = TWO, cell: float = EDGE, run: PbdRun | None = None, **own: Any) -> None:
-        run = PbdRun(block_scene(cell=cell, body={"material": material(branches, **own)})) if run is None else run
-        model, self.numbers = run.solver.model, run.solver.parameters.blocks
-        self.nodes, self.rest, self.ws = model.blocks.nodes, run.solver.parameters.arrays.x_rest, new_workspace()
-        self.law, n = self.numbers.law, len(self.nodes)
-        self.xw = aligned(len(self.rest) + 8, 4)
-        self.xw[len(self.rest) :, :3] = self.numbers.padding_x
-        self.memory = run.solver.committed.memory.copy()
-        self.stress, self.figures, self.dissipated, self.n = np.zeros((n, N_STRESS)), np.zeros((n, 5)), 0.0, n
-
-    def go(self, x: np.ndarray, dt: float, ahead: float | None = None, middle: float = 0.0) -> None:
-        """To x (n, 3) in dt, and as long again if nothing else is said."""
-        ahead = dt if ahead is None else ahead
-        self.xw[: len(x), :3] = x
-        constants = self.numbers.constants
-        renew(self.ws, self.xw, self.nodes, constants, self.memory, dt, ahead, middle, 0, self.n)
-        lost = constants.fold[:, LOST - FOLD]
-        assert (lost >= 0.0).all()
-        self.dissipated = float(np.vdot(self.numbers.volume, lost))
-
-    @property
-    def P(self) -> np.ndarray:
-        """Of the first block, mean stress over its volume [Pa]."""
-        volume, constants = self.numbers.volume, self.numbers.constants
-        exact_stress(self.ws, self.xw, self.nodes, volume, self.stress, constants, self.law)
-        mean: np.ndarray = self.stress[0, : 9 * LANES].reshape(3, 3, LANES)[..., 0] / volume[0, 0]
-        return mean
-
-    @property
-    def stored(self) -> float:
-        """[J]"""
-        volume, constants = self.numbers.volume, self.numbers.constants
-        batch_energies(self.ws, self.xw, self.nodes, volume, constants, self.law, 0, self.n, self.figures)
-        return float(strain_energy(self.figures)[0])
+def blocks_of(branches: Branches = TWO, cell: float = EDGE, run: PbdRun | None = None, **own: Any) -> Held:
+    """Blocks of a cube."""
+    return Held(run or PbdRun(block_scene(cell=cell, body={"material": material(branches, **own)})))
 
 
 def some(seed: int, size: float) -> np.ndarray:
@@ -131,7 +95,7 @@ def some(seed: int, size: float) -> np.ndarray:
 def test_a_block_is_the_point(boxes: bool) -> None:
     """Stress, stored energy and state on any way, also of hexahedra that are no boxes; what is dissipated to 3 %, by
     other weights of a way's ends."""
-    held, point = Held(run=None if boxes else ragged()), Point(TWO)
+    held, point = blocks_of(run=None if boxes else ragged()), Point(TWO)
     volume = float(held.numbers.volume.sum())
     for seed in range(4):
         for n in range(1, 21):
@@ -148,7 +112,7 @@ def test_a_block_is_the_point(boxes: bool) -> None:
 @pytest.mark.parametrize("boxes", [True, False])
 def test_stress_is_the_derivative_of_what_a_block_stores(boxes: bool) -> None:
     """Of a fold for 8 ms to come, bent and sheared: by central differences, of all nodes."""
-    held = Held(cell=EDGE / 2, run=None if boxes else ragged())
+    held = blocks_of(cell=EDGE / 2, run=None if boxes else ragged())
     rng = np.random.default_rng(0)
     for n in range(4):
         held.go(held.rest @ some(n, 0.1).T + 1e-3 * rng.normal(size=held.rest.shape), 0.01, 8e-3, 4e-3)
@@ -176,7 +140,7 @@ def test_the_loss_tangent_of_strain_and_of_bending(omega: float) -> None:
     storage, loss = 0.25 + np.sum(g * x**2 / (1 + x**2)), np.sum(g * x / (1 + x**2))
     periods = 2 + int(np.ceil(8.0 * tau.max() * omega / (2.0 * np.pi)))
     for way in ("shear", "bend"):
-        held = Held()
+        held = blocks_of()
         amplitude = np.zeros_like(held.rest)
         middle = held.rest - held.rest.mean(axis=0)
         amplitude[:, 0] = middle[:, 1] if way == "shear" else 40.0 * middle[:, 1] * middle[:, 2]
@@ -202,7 +166,7 @@ def test_the_loss_tangent_of_strain_and_of_bending(omega: float) -> None:
 def test_what_is_held_loses_what_it_stored() -> None:
     """Stored and dissipated add up whatever the step, bent and strained alike."""
     for dt in (1e-3, 0.05, 3.0):
-        held = Held(cell=EDGE / 2)
+        held = blocks_of(cell=EDGE / 2)
         x = held.rest @ some(1, 1e-3).T + 1e-5 * np.random.default_rng(1).normal(size=held.rest.shape)
         held.go(x, 1e-9, 0.0)
         stored = held.stored

@@ -64,6 +64,11 @@ class Material:
     """von Mises stress at which it would break, inf where nobody says [Pa]"""
 
     @property
+    def n_branches(self) -> int:
+        """Springs beside the law that relax or yield."""
+        return len(self.relaxation) + (self.yielding > 0.0)
+
+    @property
     def elastic(self) -> ElasticConstants:
         """Of a quick load."""
         return ElasticConstants(self.mu, self.lambda_)
@@ -163,8 +168,8 @@ class Body:
 
     @property
     def relaxes(self) -> bool:
-        """Whether branches that relax are beside the law of any of its materials."""
-        return any(material.relaxation for material in self.materials)
+        """Whether branches that relax or yield are beside the law of any of its materials."""
+        return any(material.n_branches for material in self.materials)
 
     @property
     def cut(self) -> bool:

@@ -54,10 +54,9 @@ def with_model(
         kind, why = implied
         return _given(scene, kind), why
     if body.relaxes and not body.material.splits:
-        why = f"{_NONE}, and {FAR_DEFAULT} does not know body.material.relaxation beside {body.material.kind}"
+        key = "relaxation" if any(material.relaxation for material in body.materials) else "plasticity"
+        why = f"{_NONE}, and {FAR_DEFAULT} does not know body.material.{key} beside {body.material.kind}"
         return _given(scene, NEAR_DEFAULT), why
-    if any(material.yielding for material in body.materials):
-        return _given(scene, NEAR_DEFAULT), f"{_NONE}, and {FAR_DEFAULT} does not know body.material.plasticity"
     if body.material.n_state and not body.relaxes:
         why = f"{FAR_DEFAULT} solves blocks of {body.material.kind}, which has state, one by one"
         return _given(scene, NEAR_DEFAULT), why

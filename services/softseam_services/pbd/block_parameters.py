@@ -42,13 +42,15 @@ class BlockParameters:
     small: bool
     """whether that law knows small strains only"""
     branches: int = 0
-    """that relax, of the material with most"""
+    """that relax or yield, of the material with most"""
+    yields: bool = False
+    """whether one of these has a slider"""
 
     @property
     def n_state(self) -> int:
         """Numbers that each block remembers."""
         if self.branches:
-            return (OF_STRAIN + OF_BENDING) * (1 + self.branches) + 1
+            return (OF_STRAIN + OF_BENDING) * (1 + self.branches) + self.yields + 1
         return max(0, self.constants.table.shape[1] - MEMORY) if self.constants.table.ndim > 2 else 0
 
     @property
@@ -99,7 +101,7 @@ def build_block_parameters(blocks: Blocks, body: Body, region: Region, hourglass
     fill = body.fill[region.cells].ravel()[blocks.ids]
     padding_x = 0.5 * (1.0 + SIGNS) * edges
     padding = np.zeros(0)
-    branches = max(len(material.relaxation) for material in body.materials)
+    branches = max(material.n_branches for material in body.materials)
     fold = np.zeros((blocks.n_batches if branches else 0, N_FOLD, LANES))
     if blocks.boxes:
         volume = fill * edges.prod()
@@ -131,6 +133,7 @@ def build_block_parameters(blocks: Blocks, body: Body, region: Region, hourglass
         law=body.material.respond if body.material.n_state else body.material.number,
         small=body.material.small,
         branches=branches,
+        yields=any(material.yielding for material in body.materials),
     )
     found.hold(np.zeros((blocks.n_batches, found.n_state, LANES)))
     return found

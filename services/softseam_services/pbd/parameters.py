@@ -105,8 +105,6 @@ def with_damping_of(body: Body, spec: PbdSpec) -> PbdSpec:
 def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet, spec: PbdSpec) -> PbdParameters:
     """The numbers of a region of the model's structure. Raises SettingError for what blocks with state cannot do."""
     spec = with_damping_of(body, spec)
-    if any(material.yielding for material in body.materials):
-        raise SettingError("body.material.plasticity: pbd's blocks do not yield: set regions.default: fem")
     if body.material.n_state:
         _check_memory(body, spec)
     blocks = build_block_parameters(model.blocks, body, region, spec.hourglass)
@@ -136,7 +134,7 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
         constants=viscous.constants,
         law=blocks.law,
         kappa=KAPPA,
-        renewed=RENEWED * min((time for each in body.materials for _, time in each.relaxation), default=0.0),
+        renewed=_renewed(body),
         weight=weight,
         tilt=np.stack(tilt, axis=1),
         point_softness=np.add.reduceat(weight**2 * inverse_mass[model.node], model.indptr[:-1])
@@ -172,15 +170,22 @@ def build_parameters(model: PbdModel, body: Body, region: Region, tools: ToolSet
     )
 
 
+def _renewed(body: Body) -> float:
+    """`ParameterArrays.renewed` of a body [s]."""
+    if any(material.yielding for material in body.materials):
+        return float(np.finfo(np.float64).tiny)
+    return RENEWED * min((time for each in body.materials for _, time in each.relaxation), default=0.0)
+
+
 def _check_memory(body: Body, spec: PbdSpec) -> None:
     """Raise SettingError, with its key and the remedy, for what a body whose material has state cannot do."""
     kind = body.material.kind
+    key = "body.material.relaxation" if any(each.relaxation for each in body.materials) else "body.material.plasticity"
     if body.relaxes and body.material.respond != RELAXING:
         raise SettingError(
-            f"body.material.relaxation: pbd knows it beside neo_hookean, this is {kind}: use that, or set "
-            "regions.default: fem"
+            f"{key}: pbd knows it beside neo_hookean, this is {kind}: use that, or set regions.default: fem"
         )
-    what = "body.material.relaxation" if body.relaxes else f"the state of {kind}"
+    what = key if body.relaxes else f"the state of {kind}"
     if spec.method == "leapfrog":
         raise SettingError(f"models.pbd.method: leapfrog does not know {what}: use xpbd")
     if spec.damping.stiffness > 0.0:

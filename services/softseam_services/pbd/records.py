@@ -148,7 +148,8 @@ class ParameterArrays(NamedTuple):
     law: int
     kappa: float
     renewed: float
-    """how long what folds branches that relax does, see `kernels.renew`; 0 where nothing relaxes [s]"""
+    """how long what folds branches that relax does, see `kernels.renew`: less than any substep where one yields, 0
+    where there are none [s]"""
     # points
     weight: Floats
     """of the nodes that points follow, see `point_weights` (entries,)"""

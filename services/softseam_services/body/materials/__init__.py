@@ -50,7 +50,7 @@ def build_material(spec: MaterialSpec) -> Material:
 def build_materials(specs: Iterable[MaterialSpec]) -> tuple[Material, ...]:
     """The same of one body's, all of which remember as many numbers as the one with most branches."""
     materials = [_built(spec) for spec in specs]
-    most, yields = max(map(_branches, materials)), any(material.yielding for material in materials)
+    most, yields = max(material.n_branches for material in materials), any(material.yielding for material in materials)
     if not most:
         return tuple(materials)
     return tuple(
@@ -63,11 +63,6 @@ def build_materials(specs: Iterable[MaterialSpec]) -> tuple[Material, ...]:
         )
         for each in materials
     )
-
-
-def _branches(material: Material) -> int:
-    """Of springs that relax or yield."""
-    return len(material.relaxation) + bool(material.yielding)
 
 
 def _splits(material: Material) -> bool:

@@ -22,7 +22,10 @@ and J, less 1"""
 BRANCH = REMEMBERED + OF_STRAIN + OF_BENDING
 NOW = BRANCH + OF_STRAIN + OF_BENDING
 VOLUME_NOW = NOW + OF_STRAIN + OF_BENDING
-ROWS = VOLUME_NOW + 1
+SLIPPED = VOLUME_NOW + 1
+SLIP = SLIPPED + 1
+"""of a slider its plastic strain, and by how much it slips now"""
+ROWS = SLIP + 1
 N_STRESS = 21 * LANES
 """numbers of Lambda in a batch"""
 

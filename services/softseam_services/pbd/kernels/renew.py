@@ -2,6 +2,7 @@
 
 State of a block is that of an octant (`body.materials.relaxation`), C_bar and C_i of each branch; likewise, of its
 hourglass modes, q = F^T q_m and the stress h = mu q_elastic of each branch, which is of K/mu_0 (`hourglass`); and J.
+A branch with a slider is that of `sliding`: brought up to date after every substep, as it stays in between.
 Since the last time an interval went by in which both went straight: C_i by eq. (2) there, and with its k and m
 h <- k h + mu m (q - q_0)                                                                                       (1)
 For the substeps to come all branches become T, mu', G and r of `relaxing`. To first order in what C_bar will do
@@ -19,7 +20,7 @@ where strain is held, and where stress is. So it is >= 0 in every block.
 import numpy as np
 
 from softseam_services.body.materials.neo_hookean import J_MIN
-from softseam_services.body.materials.relaxation import BRANCHES, coefficients
+from softseam_services.body.materials.relaxation import BRANCHES, YIELDS, coefficients
 from softseam_services.jit import njit
 
 from .block import gather, hoist, hoisted, hourglass, of_batch, of_lane, parameters_of, shape
@@ -39,12 +40,15 @@ from .block_rows import (
     REMEMBERED,
     REST,
     SHARE,
+    SLIPPED,
     STIFF,
     VOLUME_NOW,
 )
 from .lanes import LANES, batch_kernel, lane_kernel, move_four
 from .neo_hookean import cofactors, logarithm, turned_back, volumetric
 from .relaxing import exponential, inner_twelve, lasting, put_twelve, twelve
+from .sliding import slide_bending, slide_strain
+from .tensors import mixed, six, sum_of_twelve, unimodular
 
 MOST = 16
 """substeps between two renewals"""
@@ -77,7 +81,8 @@ def write_coefficients(parameters, elapsed, ahead, middle, found):
     for n in range(len(found)):
         mu, time = parameters[BRANCHES + 2 * n], parameters[BRANCHES + 2 * n + 1]
         found[n, 0] = mu
-        if mu == 0.0:
+        if time == 0.0:  # a slider, or none
+            found[n, 5] = mu
             continue
         found[n, 1], found[n, 2], found[n, 3] = coefficients(elapsed, time)
         keep, start, _ = coefficients(middle, time)
@@ -85,41 +90,19 @@ def write_coefficients(parameters, elapsed, ahead, middle, found):
         found[n, 7] = _end_weight(elapsed / time) + ahead / time - _end_weight(ahead / time)
 
 
+@njit(cache=True, error_model="numpy")
+def begin_of_bending(n):
+    """Where of n numbers that a block remembers those of its hourglass modes begin; the plastic strain is before them,
+    where there is a slider."""
+    branches = n // (OF_STRAIN + OF_BENDING) - 1
+    return n - 1 - OF_BENDING * (1 + branches)
+
+
 @lane_kernel
 def bar(J):
     """J^(-2/3), and J where it is not below J_MIN."""
     inside = J if J > J_MIN else J_MIN
     return exponential(logarithm(inside) * (-2.0 / 3.0)), inside
-
-
-@lane_kernel
-def _six(ws, lane, row):
-    a = lane + LANES * row
-    return ws[a], ws[a + LANES], ws[a + 2 * LANES], ws[a + 3 * LANES], ws[a + 4 * LANES], ws[a + 5 * LANES]
-
-
-@lane_kernel
-def _unimodular(a):
-    """X = (1 + a) det(1 + a)^(-1/3) of a symmetric a, less 1, and X^-1 (6 values each)."""
-    a0, a1, a2, a3, a4, a5 = a
-    p, q, r = 1.0 + a0, 1.0 + a1, 1.0 + a2
-    m0, m1, m2 = q * r - a3 * a3, p * r - a4 * a4, p * q - a5 * a5
-    m3, m4, m5 = a4 * a5 - p * a3, a3 * a5 - q * a4, a3 * a4 - r * a5
-    y = exponential(logarithm(p * m0 + a5 * m5 + a4 * m4) * (-1.0 / 3.0))
-    s = y * y
-    return (
-        (y * p - 1.0, y * q - 1.0, y * r - 1.0, y * a3, y * a4, y * a5),
-        (s * m0, s * m1, s * m2, s * m3, s * m4, s * m5),
-    )
-
-
-@lane_kernel
-def _mixed(u, a, v, b, w, c):
-    """u a + v b + w c of six values each."""
-    return (
-        *(u * a[0] + v * b[0] + w * c[0], u * a[1] + v * b[1] + w * c[1], u * a[2] + v * b[2] + w * c[2]),
-        *(u * a[3] + v * b[3] + w * c[3], u * a[4] + v * b[4] + w * c[4], u * a[5] + v * b[5] + w * c[5]),
-    )
 
 
 @lane_kernel
@@ -158,11 +141,11 @@ def _renew_strain(ws, mu, keep, start, end, level, weight, loss):
     """C_i of a branch in BRANCH, and what it adds to Q and LOST; the rest as of `write_coefficients`."""
     rest, loss = 1.0 - weight, 0.5 * mu * loss
     for lane in range(LANES):
-        now = _six(ws, lane, NOW)
-        begun, before = _six(ws, lane, BRANCH), _six(ws, lane, REMEMBERED)
-        viscous, inverse = _unimodular(_mixed(keep, begun, start, before, end, now))
+        now = six(ws, lane, NOW)
+        begun, before = six(ws, lane, BRANCH), six(ws, lane, REMEMBERED)
+        viscous, inverse = unimodular(mixed(keep, begun, start, before, end, now))
         ws[lane + LANES * LOST] += loss * deviator_squared(inverse, now)
-        _, q = _unimodular(_mixed(weight, viscous, rest, now, 0.0, now))
+        _, q = unimodular(mixed(weight, viscous, rest, now, 0.0, now))
         to = lane + LANES * BRANCH
         ws[to], ws[to + LANES], ws[to + 2 * LANES] = viscous[0], viscous[1], viscous[2]
         ws[to + 3 * LANES], ws[to + 4 * LANES], ws[to + 5 * LANES] = viscous[3], viscous[4], viscous[5]
@@ -175,16 +158,6 @@ def _renew_strain(ws, mu, keep, start, end, level, weight, loss):
         ws[to + 5 * LANES] += level * q[5]
 
 
-@lane_kernel
-def _sum_of_twelve(u, a, v, b):
-    """u a + v b."""
-    return (
-        *(u * a[0] + v * b[0], u * a[1] + v * b[1], u * a[2] + v * b[2], u * a[3] + v * b[3]),
-        *(u * a[4] + v * b[4], u * a[5] + v * b[5], u * a[6] + v * b[6], u * a[7] + v * b[7]),
-        *(u * a[8] + v * b[8], u * a[9] + v * b[9], u * a[10] + v * b[10], u * a[11] + v * b[11]),
-    )
-
-
 @batch_kernel
 def _renew_bending(ws, constants, mu, keep, gain, fade, level, loss):
     """h of a branch in BRANCH, and what it adds to r, LOST and HELD; the rest as of `write_coefficients`."""
@@ -194,14 +167,14 @@ def _renew_bending(ws, constants, mu, keep, gain, fade, level, loss):
     for lane in range(LANES):
         k = of_lane(ws, lane, own)
         q, before = twelve(ws, lane, NOW + OF_STRAIN), twelve(ws, lane, REMEMBERED + OF_STRAIN)
-        moved = _sum_of_twelve(1.0, q, -1.0, before)
-        h = _sum_of_twelve(keep, twelve(ws, lane, BRANCH + OF_STRAIN), gain, moved)
-        u = _sum_of_twelve(1.0, h, -mu, q)
+        moved = sum_of_twelve(1.0, q, -1.0, before)
+        h = sum_of_twelve(keep, twelve(ws, lane, BRANCH + OF_STRAIN), gain, moved)
+        u = sum_of_twelve(1.0, h, -mu, q)
         ws[lane + LANES * LOST] += loss * inner_twelve(h, hourglass(k, h))
         ws[lane + LANES * HELD] += held * inner_twelve(u, hourglass(k, u))
         put_twelve(ws, lane, BRANCH + OF_STRAIN, h)
-        r = _sum_of_twelve(fade * per, h, -level * per, q)
-        put_twelve(ws, lane, REST, _sum_of_twelve(1.0, twelve(ws, lane, REST), 1.0, r))
+        r = sum_of_twelve(fade * per, h, -level * per, q)
+        put_twelve(ws, lane, REST, sum_of_twelve(1.0, twelve(ws, lane, REST), 1.0, r))
 
 
 @batch_kernel
@@ -209,7 +182,7 @@ def _end_fold(ws, mu, lam, quick_mu, quick_lam, left):
     """From Q in the place of T to the fold of four blocks; mu and lambda of what lasts and of a quick load [Pa], and
     what is left of mu. Eq. (2) of `relaxing`."""
     for lane in range(LANES):
-        J, c, q = 1.0 + ws[lane + LANES * VOLUME_NOW], _six(ws, lane, NOW), _six(ws, lane, FACING)
+        J, c, q = 1.0 + ws[lane + LANES * VOLUME_NOW], six(ws, lane, NOW), six(ws, lane, FACING)
         g, inside = bar(J)
         trace = q[0] + q[1] + q[2] + q[0] * c[0] + q[1] * c[1] + q[2] * c[2]
         trace += 2.0 * (q[3] * c[3] + q[4] * c[4] + q[5] * c[5])
@@ -246,14 +219,15 @@ def renew(ws, xw, nodes, constants, memory, elapsed, ahead, middle, first, end):
     What blocks dissipate is added up since the last time that elapsed was 0.
     """
     n = memory.shape[1]
-    branches = n // (OF_STRAIN + OF_BENDING) - 1
-    bending, fold = OF_STRAIN * (1 + branches), constants.fold
+    branches, bending = n // (OF_STRAIN + OF_BENDING) - 1, begin_of_bending(n)
+    fold = constants.fold
     known, k = -1, np.empty((branches, N_COEFFICIENTS))
     for batch in range(first, end):
         own, at = of_batch(constants, batch), n * batch
+        parameters = parameters_of(own)
         if constants.number[batch] != known:
             known = constants.number[batch]
-            write_coefficients(parameters_of(own), elapsed, ahead, middle, k)
+            write_coefficients(parameters, elapsed, ahead, middle, k)
         _move(ws, REMEMBERED, memory, at, OF_STRAIN)
         _move(ws, REMEMBERED + OF_STRAIN, memory, at + bending, OF_BENDING)
         for row in range(LANES * FOLD, LANES * (FOLD + N_FOLD)):
@@ -280,6 +254,15 @@ def renew(ws, xw, nodes, constants, memory, elapsed, ahead, middle, first, end):
             strain, modes = at + OF_STRAIN * (1 + branch), at + bending + OF_BENDING * (1 + branch)
             _move(ws, BRANCH, memory, strain, OF_STRAIN)
             _move(ws, BRANCH + OF_STRAIN, memory, modes, OF_BENDING)
+            if parameters[BRANCHES + 2 * branch + 1] == 0.0:
+                _move(ws, SLIPPED, memory, at + bending - 1, 1)
+                slide_strain(ws, mu, parameters[YIELDS], parameters[YIELDS + 1], elapsed > 0.0)
+                slide_bending(ws, own, mu)
+                if elapsed > 0.0:
+                    _move(memory, at + bending - 1, ws, SLIPPED, 1)
+                    _move(memory, strain, ws, BRANCH, OF_STRAIN)
+                    _move(memory, modes, ws, BRANCH + OF_STRAIN, OF_BENDING)
+                continue
             _renew_strain(ws, mu, keep, start, last, level, weight, loss)
             _renew_bending(ws, own, mu, keep, mu * (keep + start), fade, level, loss)
             if elapsed > 0.0:
@@ -294,8 +277,7 @@ def begin_bending(ws, xw, nodes, constants, memory):
     """What octants handed over does not say: of the shapes now, q and J, and of each branch h = mu e q, 1 at most
     e = |dev C_i^-1 C_bar|/|dev C_bar|: as much of bending has faded as of strain. memory (b, n, LANES) in place."""
     n = memory.shape[1]
-    branches = n // (OF_STRAIN + OF_BENDING) - 1
-    bending = OF_STRAIN * (1 + branches)
+    branches, bending = n // (OF_STRAIN + OF_BENDING) - 1, begin_of_bending(n)
     for batch in range(len(nodes)):
         own = of_batch(constants, batch)
         parameters = parameters_of(own)
@@ -303,14 +285,14 @@ def begin_bending(ws, xw, nodes, constants, memory):
         hoist(ws, own)
         see_shapes(ws, own)
         for lane in range(LANES):
-            now = _six(ws, lane, NOW)
+            now = six(ws, lane, NOW)
             whole = deviator_squared((1.0, 1.0, 1.0, 0.0, 0.0, 0.0), now)
             for m in range(OF_BENDING):
                 memory[batch, bending + m, lane] = ws[lane + LANES * (NOW + OF_STRAIN + m)]
             memory[batch, n - 1, lane] = ws[lane + LANES * VOLUME_NOW]
             for branch in range(branches):
                 at = OF_STRAIN * (1 + branch)
-                _, inverse = _unimodular(
+                _, inverse = unimodular(
                     (
                         *(memory[batch, at, lane], memory[batch, at + 1, lane], memory[batch, at + 2, lane]),
                         *(memory[batch, at + 3, lane], memory[batch, at + 4, lane], memory[batch, at + 5, lane]),
