@@ -129,7 +129,7 @@ def slab(crest: float) -> tuple[Floats, NDArray[np.int64]]:
 @pytest.mark.parametrize(("model", "places"), SLABS, ids=[model for model, _ in SLABS])
 def test_crossed_cylinders(tmp_path: Path, model: str, places: Floats) -> None:
     """Tops of slabs, by 1.2 mm: what touches is twice as wide as a cell of 12.5 mm. One slab is clamped below, a plane
-    to which the other clings presses it. 3 to 6 % below the closed form, which is of slabs without end that are bonded
+    to which the other clings presses it. 2 to 6 % below the closed form, which is of slabs without end that are bonded
     to their grounds, and within 3 % of one another."""
     upper, lower = models_of(model)
     over = []
