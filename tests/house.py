@@ -188,8 +188,8 @@ def _is_fraction(value: ast.expr) -> bool:
 
 SOLVERS = r"softseam_services\.(fem|pbd)\b"
 COUNTS = (
-    Count("lines of the product", lines, 94_250, 66_000),
-    Count("lines of the client", lambda sources: lines(sources, "clients/softseam/"), 13_550, 13_500),
+    Count("lines of the product", lines, 94_600, 66_000),
+    Count("lines of the client", lambda sources: lines(sources, "clients/softseam/"), 13_560, 13_500),
     Count("lines that name a model", matching(r'"(fem|pbd)"', r"services/softseam_services/(fem|pbd)/"), 10, 10),
     Count("places that take .near or .far", taking(("near", "far"), SCENE_AND_VIEW), 0, 0),
     Count("lines that ask for a kind of body", matching(BODY_KINDS), 4, 10),
@@ -197,7 +197,7 @@ COUNTS = (
     Count("fields of messages that are called seam", matching(r"^    seam_\w+:", inside="/messages/"), 0, 0),
     Count("imports of solvers in the orchestrator", importing(SOLVERS, "/orchestrator/"), 0, 0),
     Count("client modules that import services", modules_importing("softseam_services", "clients/"), 3, 3),
-    Count("tuned constants", constants, 452, 450),
+    Count("tuned constants", constants, 455, 450),
     Count("lines with tell or told", matching(r"\b(tell|tells|telling|told)\b"), 108, 150),
     Count(
         "lines of a participant from outside",

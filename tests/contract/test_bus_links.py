@@ -111,15 +111,19 @@ def test_a_link_that_breaks_while_both_live_is_made_again(options: BusOptions) -
         assert len(heard) == 0
 
 
+def meet(buses: list[Bus]) -> None:
+    """Wait until each of them hears of all."""
+    everyone = {bus.name for bus in buses}
+    until(lambda: all(everyone <= names(bus) for bus in buses))
+
+
 def test_no_link_breaks_where_many_join_at_once(options: BusOptions, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each of two that the router introduces would connect to the other, and one of the two links is refused."""
     broken = list[str]()
     monkeypatch.setattr(PeerLinks, "broke", lambda links, peer: broken.append(peer))
     for _ in range(6):
         with ExitStack() as stack:
-            buses = [stack.enter_context(options.open()) for _ in range(5)]
-            everyone = {bus.name for bus in buses}
-            until(lambda buses=buses, everyone=everyone: all(everyone <= names(bus) for bus in buses))
+            meet([stack.enter_context(options.open()) for _ in range(5)])
             assert not broken
         broken.clear()  # they left
 

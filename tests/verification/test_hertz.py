@@ -73,7 +73,7 @@ def nears(force: float) -> float:
     a = (0.75 * force * RADIUS / PLANE_STRAIN) ** (1.0 / 3.0)
     far = np.hypot(a, 2.0 * RADIUS)
     other = 2.0 * (1.0 + POISSON) * RADIUS**2 / far**3 + (1.0 - POISSON**2) / far
-    return 0.75 * force / (PLANE_STRAIN * a) - other * force / (np.pi * YOUNG) + sinks(force, a, CELL / 2)
+    return float(0.75 * force / (PLANE_STRAIN * a) - other * force / (np.pi * YOUNG)) + sinks(force, a, CELL / 2)
 
 
 def layer(w: float) -> float:

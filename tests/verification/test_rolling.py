@@ -231,7 +231,7 @@ def test_swings_that_steps_damp_are_told() -> None:
 def fallen(model: str, step: float, height: float = 1.0, **models: Any) -> tuple[float, list[str]]:
     """How far beyond g t^2/2 a block fell in .2 s [m], and what its run said of accuracy, with its estimate."""
     tools = {"ground": {"kind": "plane", "point": (0.0, 0.0, -height)}}
-    keys = {"tools": tools, "step": step, "regions": {"default": model}, "duration": 0.2}
+    keys: dict[str, Any] = {"tools": tools, "step": step, "regions": {"default": model}, "duration": 0.2}
     fall = block((0.05, 0.05, 0.05), 0.025, 2e5, 0.3, 1e3, **keys)
     with softseam.open(fall.model_copy(update={"models": ModelsSpec(**models)})) as sim:
         said: list[str] = []
