@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -165,6 +166,35 @@ def test_a_killed_recorder_costs_nothing_and_its_successor_goes_on(
     assert 600 <= len(encoded(first.path)) <= killed_at, "what was committed is safe"
     assert second.note is None and ended is not None and ended.lost == 0
     assert encoded(second.path) == [encode(message) for message in run.messages()], "both, read as one"
+
+
+def test_what_a_run_that_is_taken_up_says_first_takes_no_step_from_the_file_before(
+    options: BusOptions, bus: Bus, recorder: Recorder
+) -> None:
+    """Its events have the header of the last step, which is in that file, where no recorder is there yet."""
+    run = Squeeze(20)
+    warnings: list[str] = []
+    source = feed(bus, run.session, warnings)
+    source.begin(run.begin)
+    messages = list(run.messages())
+    for message in messages:
+        source.publish(message)
+    assert bus.call(KEYS.recorder, Commit(run.begin.header), Recorded, 10.0).messages == len(messages)
+    os.kill(recorder.process.pid, signal.SIGKILL)
+    recorder.process.wait()
+    source.close()
+    while recorder.lives(bus):
+        time.sleep(0.02)  # the pace of asking
+    taken_up = feed(bus, run.session, warnings)
+    taken_up.begin(replace(run.begin, header=replace(run.begin.header, step=20, time=0.2)))
+    restored = Event(run.header(20), EventKind.RESTORED, "the orchestrator was lost")
+    taken_up.publish(restored)
+    with Recorder(options, bus, recorder.folder) as successor:
+        taken_up.publish(restored)
+        ended = taken_up.end("done")
+        assert successor.stop() == 0
+    assert ended is not None and ended.lost == 0
+    assert [report.header.step for report in Recording(recorder.folder / "test-2.mcap").reports()] == list(range(20))
 
 
 def test_a_frozen_recorder_is_waited_for_once_and_begins_anew_when_it_thaws(bus: Bus, recorder: Recorder) -> None:

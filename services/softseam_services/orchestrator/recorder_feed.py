@@ -204,9 +204,9 @@ class RecorderFeed:
         )
 
     def _come_back(self, begun: Begin) -> None:
-        """Give a recorder the beginning, and what is held."""
-        if self._held:
-            at = self._held[0].header
+        """Give a recorder the beginning, and what is held: its file has steps from the first of these on, and none
+        before the run's beginning, as an event may be that a run which was taken up begins with."""
+        if self._held and (at := self._held[0].header).step > begun.header.step:
             begun = replace(begun, header=replace(begun.header, step=at.step, time=at.time))
         self._invite(begun)
         if self._following:
